@@ -1,0 +1,2 @@
+//! The firmware on recorded frames.
+fn main() {}

@@ -1,0 +1,1 @@
+//! TCP, UDP, serial and file behind the Link contract.

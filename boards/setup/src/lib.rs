@@ -1,0 +1,1 @@
+//! The setup file and the firmware's validated settings.

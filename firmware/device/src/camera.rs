@@ -1,0 +1,41 @@
+//! Where frames come from.
+
+use crate::Frame;
+
+/// What kind of trouble a camera reports; generic code decides by this, not by the board's own type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraErrorKind {
+    /// A recording is over; there will be no more frames.
+    Ended,
+    /// No frame came in the time that three periods take.
+    Stalled,
+    /// The device is gone or failing; the board is trying to open it again.
+    Lost,
+    /// The device was opened again; frames follow.
+    Reopened,
+    /// A frame came but is unusable: short, torn or of another size.
+    Corrupt,
+}
+
+/// An error that says what kind it is.
+pub trait CameraError {
+    /// The kind of this error.
+    fn kind(&self) -> CameraErrorKind;
+}
+
+impl CameraError for CameraErrorKind {
+    fn kind(&self) -> CameraErrorKind {
+        *self
+    }
+}
+
+/// A source of frames.
+pub trait Camera {
+    /// The board's own error.
+    type Error: CameraError;
+
+    /// Waits for the next frame, at most three frame periods.
+    ///
+    /// The frame borrows the camera's buffer, which is given back when the borrow ends.
+    fn next_frame(&mut self) -> Result<Frame<'_>, Self::Error>;
+}

@@ -1,0 +1,20 @@
+//! A lamp that lights an active target.
+
+use embedded_hal::digital::OutputPin;
+
+/// A lamp is any `embedded-hal` output pin, lit when the pin is high.
+pub trait Lamp {
+    /// The pin's own error.
+    type Error: embedded_hal::digital::Error;
+
+    /// Lights the lamp or puts it out.
+    fn set_lit(&mut self, lit: bool) -> Result<(), Self::Error>;
+}
+
+impl<P: OutputPin> Lamp for P {
+    type Error = P::Error;
+
+    fn set_lit(&mut self, lit: bool) -> Result<(), Self::Error> {
+        self.set_state(lit.into())
+    }
+}

@@ -1,0 +1,3 @@
+//! The frame loop: one step a frame.
+#![no_std]
+#![forbid(unsafe_code)]

@@ -1,0 +1,3 @@
+//! Frames to circle centres with covariance.
+#![no_std]
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! The one program a test engineer meets.
+fn main() {}

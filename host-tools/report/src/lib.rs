@@ -1,0 +1,1 @@
+//! Evaluation against a reference, statistics and plots.

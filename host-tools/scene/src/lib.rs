@@ -1,0 +1,1 @@
+//! Simulated rides: motion, optics, light, noise and exact truth.
