@@ -1,3 +1,12 @@
 //! The frame loop: one step a frame.
 #![no_std]
 #![forbid(unsafe_code)]
+
+mod settings;
+
+pub use settings::{Limits, RestSettings, Settings};
+
+/// Longest setup text that the box carries and announces, bytes.
+pub const MAX_SETUP_TEXT: usize = 16_384;
+/// Longest name of a box, bytes.
+pub const MAX_NAME: usize = 32;

@@ -1,3 +1,7 @@
-//! Records, framing and version of what the box sends and takes.
+//! Records, framing and version: everything that box and host share.
 #![no_std]
 #![forbid(unsafe_code)]
+
+mod record;
+
+pub use record::*;

@@ -1,0 +1,70 @@
+//! Everything the frame loop is told before it starts, validated by whoever makes it (the setup file).
+
+use gangway_pose::{Circle, Lens, MAX_CIRCLES};
+use heapless::{String, Vec};
+
+use crate::{MAX_NAME, MAX_SETUP_TEXT};
+
+/// How rest is recognised and measured (thesis 5.3.2: a poor first frame biases every later one).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestSettings {
+    /// Frames of the rest interval; 10 to 250, default 10.
+    pub frames: u16,
+    /// Largest excursion of any circle from its mean over the interval, px; 0.02 to 5, default 0.5.
+    pub excursion_px: f64,
+    /// Largest common drift of the circles between the interval's halves, px; 0.01 to 2, default 0.1.
+    pub drift_px: f64,
+}
+
+impl Default for RestSettings {
+    fn default() -> Self {
+        Self { frames: 10, excursion_px: 0.5, drift_px: 0.1 }
+    }
+}
+
+/// Limits of the motion (thesis 1.2): beyond them a record is flagged, not changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Least x, y, z displacement, mm.
+    pub min_mm: [f64; 3],
+    /// Greatest x, y, z displacement, mm.
+    pub max_mm: [f64; 3],
+    /// Greatest roll, pitch, yaw to either side, degrees.
+    pub max_deg: [f64; 3],
+}
+
+impl Default for Limits {
+    /// Velaro D (thesis 1.2).
+    fn default() -> Self {
+        Self { min_mm: [-70.0, -900.0, -350.0], max_mm: [60.0, 900.0, 350.0], max_deg: [5.0, 4.0, 15.0] }
+    }
+}
+
+/// Settings of the whole frame loop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Name of the box.
+    pub name: String<MAX_NAME>,
+    /// Width and height of the pictures, samples.
+    pub picture: (u16, u16),
+    /// Frames a second, nominal.
+    pub rate_hz: f64,
+    /// The camera model.
+    pub lens: Lens,
+    /// The circles of all targets.
+    pub circles: Vec<Circle, MAX_CIRCLES>,
+    /// Where each circle is at rest, px, as far as the setup says: one entry a circle.
+    pub seeds: Vec<Option<[f64; 2]>, MAX_CIRCLES>,
+    /// The tracker.
+    pub vision: gangway_vision::Settings,
+    /// The pose solver.
+    pub solver: gangway_pose::Settings,
+    /// Rest.
+    pub rest: RestSettings,
+    /// Limits of the motion.
+    pub limits: Limits,
+    /// The setup file's text as it is announced.
+    pub text: String<MAX_SETUP_TEXT>,
+    /// First 16 bytes of the text's SHA-256.
+    pub digest: [u8; 16],
+}

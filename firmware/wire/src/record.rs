@@ -1,0 +1,307 @@
+//! The records, one struct a kind. WIRE.md is the specification.
+
+/// Most circles that a `Markers` record can carry: the bits of its masks.
+pub const MAX_MARKERS: usize = 64;
+
+/// Who sends, and what its records mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hello<'a> {
+    /// Version of the wire, see WIRE.md.
+    pub wire_version: u16,
+    /// Serial number of the box.
+    pub box_id: u64,
+    /// Number of this boot.
+    pub boot_id: u64,
+    /// Number of this session (one start of the frame loop).
+    pub session_id: u64,
+    /// Name of the box, at most 32 bytes.
+    pub name: &'a str,
+    /// Version of the firmware, at most 32 bytes.
+    pub firmware: &'a str,
+    /// First 16 bytes of the SHA-256 of the setup's text.
+    pub setup_digest: [u8; 16],
+}
+
+/// One piece of the setup's text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetupPiece<'a> {
+    /// Digest of the whole text, as in `Hello`: pieces of two setups are never mixed.
+    pub digest: [u8; 16],
+    /// Number of this piece, from 0.
+    pub index: u16,
+    /// Pieces in all.
+    pub count: u16,
+    /// The text, at most 192 bytes a piece.
+    pub text: &'a str,
+}
+
+/// The rest pose `[R0 | t0]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rest {
+    /// First and last frame of the rest interval.
+    pub first_frame: u32,
+    /// Last frame of the rest interval.
+    pub last_frame: u32,
+    /// Frames that went into the mean.
+    pub frames: u16,
+    /// R0 as a unit quaternion w, x, y, z with w >= 0.
+    pub rotation: [f64; 4],
+    /// t0, mm.
+    pub translation_mm: [f64; 3],
+    /// Covariance of (x, y, z, roll, pitch, yaw) in the rest frame, mm and degrees: upper triangle by rows.
+    pub covariance: [f32; 21],
+}
+
+/// The measured motion of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// The source's own frame number.
+    pub frame: u32,
+    /// Monotonic clock at mid-exposure, ns.
+    pub time_ns: u64,
+    /// See [`PoseFlags`].
+    pub flags: PoseFlags,
+    /// Circles that went into the pose.
+    pub markers: u8,
+    /// The motion; `None` where the frame gave no pose.
+    pub motion: Option<Motion>,
+}
+
+/// Relative motion with its standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// x, y, z in the rest frame, mm.
+    pub displacement_mm: [f32; 3],
+    /// Roll, pitch, yaw, degrees.
+    pub rotation_deg: [f32; 3],
+    /// Standard deviations of x, y, z (mm) and roll, pitch, yaw (degrees); 2 bytes each on the wire, to 0.2 %.
+    pub sigma: [f32; 6],
+    /// Root mean square reprojection error, px; 2 bytes on the wire, to 0.2 %.
+    pub residual_px: f32,
+}
+
+/// Bits that say how far a pose can be trusted. A host that meets an unknown bit keeps it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PoseFlags(pub u16);
+
+impl PoseFlags {
+    /// The rest pose is not known yet; no motion can be given.
+    pub const WAITING: Self = Self(1);
+    /// Too few circles were seen for a pose.
+    pub const FEW_MARKERS: Self = Self(1 << 1);
+    /// Enough circles, but the solver refused them (degenerate, no convergence).
+    pub const NO_SOLUTION: Self = Self(1 << 2);
+    /// A planar set whose second solution fits nearly as well.
+    pub const AMBIGUOUS: Self = Self(1 << 3);
+    /// At least one circle was seen but left out of the pose.
+    pub const OUTLIERS: Self = Self(1 << 4);
+    /// The motion is beyond the setup's limits.
+    pub const BEYOND_LIMITS: Self = Self(1 << 5);
+    /// Frames are missing between this one and the one before.
+    pub const AFTER_GAP: Self = Self(1 << 6);
+    /// The frame was torn, short or of another size.
+    pub const CORRUPT: Self = Self(1 << 7);
+
+    /// Whether all bits of `other` are set.
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+impl core::ops::BitOr for PoseFlags {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl core::ops::BitOrAssign for PoseFlags {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+/// One circle's centre as measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Marker {
+    /// u right, v down, px; 1/1024 px on the wire, from 0 to 4,095 px.
+    pub at_px: [f32; 2],
+    /// Standard deviations of u and v, px; one byte each on the wire, logarithmic.
+    pub sigma_px: [f32; 2],
+    /// Their correlation, -1 to 1; one byte on the wire.
+    pub correlation: f32,
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event<'a> {
+    /// The frame it belongs to.
+    pub frame: u32,
+    /// Monotonic clock, ns.
+    pub time_ns: u64,
+    /// What happened.
+    pub what: What<'a>,
+}
+
+/// Kinds of event. Numbers on the wire are given by WIRE.md and never change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum What<'a> {
+    /// The frame loop started.
+    Started,
+    /// The frame loop ended properly.
+    Ended,
+    /// A circle that was seen is not seen any more.
+    MarkerLost {
+        /// Index of the circle.
+        circle: u8,
+        /// Why.
+        reason: LostReason,
+    },
+    /// A circle that was lost is seen again.
+    MarkerFound {
+        /// Index of the circle.
+        circle: u8,
+    },
+    /// A circle is still lost, but for another reason.
+    MarkerStillLost {
+        /// Index of the circle.
+        circle: u8,
+        /// Why now.
+        reason: LostReason,
+    },
+    /// Frames that the source numbered but never delivered.
+    FramesMissed {
+        /// How many.
+        count: u32,
+    },
+    /// A frame came with a number not above the one before: not measured again.
+    FrameRepeated,
+    /// A frame came torn, short or of another size.
+    FrameCorrupt,
+    /// The rest pose was set from this interval.
+    RestSet {
+        /// Frames in the mean.
+        frames: u16,
+    },
+    /// A command asked for a new rest pose; the loop waits for rest again.
+    RestRequested,
+    /// The level of the targets' white changed by more than a quarter since the last such event.
+    LightChanged {
+        /// Level now, percent of full scale.
+        percent: u8,
+    },
+    /// The outbox was full; records were lost.
+    QueueOverflow {
+        /// How many.
+        count: u32,
+    },
+    /// No frame for three periods.
+    CameraStalled,
+    /// The camera is gone or failing.
+    CameraLost,
+    /// The camera was opened again.
+    CameraReopened,
+    /// A mark given by the operator: start, end, a remark.
+    Mark {
+        /// Its text, at most 64 bytes.
+        text: &'a str,
+    },
+    /// A command came that cannot be followed.
+    CommandRefused {
+        /// Kind of the command's record.
+        kind: u8,
+    },
+    /// A new setup was taken over.
+    SetupChanged,
+}
+
+/// Why a circle is not seen; the numbers are given by WIRE.md.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum LostReason {
+    /// Its window is outside the picture.
+    OutsidePicture = 0,
+    /// Too little contrast.
+    LowContrast = 1,
+    /// No ring in the window.
+    NotFound = 2,
+    /// Cut by the picture's edge.
+    CutByPicture = 3,
+    /// Cut by the window's edge.
+    CutByWindow = 4,
+    /// Saturated.
+    Saturated = 5,
+    /// Size, ratio or outline do not fit.
+    Outline = 6,
+    /// Could be a neighbour.
+    Neighbour = 7,
+    /// Does not fit the pose of the others.
+    Residual = 8,
+    /// A reason that this version does not know.
+    Other = 255,
+}
+
+/// Buckets of the loop time histogram.
+pub const LOOP_TIME_BUCKETS: usize = 16;
+
+/// How the box is doing, once a second of frame time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Health {
+    /// Monotonic clock, ns.
+    pub time_ns: u64,
+    /// Frames since start.
+    pub frames: u32,
+    /// Frames missed since start.
+    pub frames_missed: u32,
+    /// Records lost to a full outbox since start.
+    pub records_lost: u32,
+    /// Most records that ever waited in the outbox.
+    pub queue_high_water: u16,
+    /// Loop times since the last `Health`: bucket `i` counts those from 2^(i+9) up to 2^(i+10) ns; the first and
+    /// the last bucket take what is below and above.
+    pub loop_time: [u16; LOOP_TIME_BUCKETS],
+    /// Longest loop time since the last `Health`, ns.
+    pub loop_time_max_ns: u32,
+    /// Temperature, 1/100 degree Celsius.
+    pub temperature_centi_c: Option<i16>,
+    /// Free space for the log, bytes.
+    pub free_bytes: Option<u64>,
+}
+
+/// How the box's monotonic clock stands to UTC.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeSync {
+    /// Monotonic clock, ns.
+    pub time_ns: u64,
+    /// UTC minus monotonic clock, ns since 1970; `None` where the box knows no UTC.
+    pub utc_offset_ns: Option<i64>,
+    /// Uncertainty of the offset, ns.
+    pub uncertainty_ns: u64,
+}
+
+/// Answer to a `Ping`, with both clocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pong {
+    /// Number of the ping.
+    pub number: u32,
+    /// The host's clock, as the ping carried it, ns.
+    pub host_time_ns: u64,
+    /// The box's monotonic clock when it answered, ns.
+    pub time_ns: u64,
+}
+
+/// Host to box: the host asks for the box's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ping {
+    /// Any number.
+    pub number: u32,
+    /// The host's clock, ns.
+    pub host_time_ns: u64,
+}
+
+/// Host to box: a mark in the records.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark<'a> {
+    /// Its text, at most 64 bytes.
+    pub text: &'a str,
+}
