@@ -2,8 +2,13 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod outbox;
 mod settings;
 
+pub use outbox::{
+    Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, MAX_MARK, OUTBOX_SLOTS, Outbox,
+    OutboxConsumer, OutboxProducer, Packet,
+};
 pub use settings::{Limits, RestSettings, Settings};
 
 /// Longest setup text that the box carries and announces, bytes.

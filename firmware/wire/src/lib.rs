@@ -5,3 +5,6 @@
 mod record;
 
 pub use record::*;
+
+/// Longest framed record, bytes, delimiter included.
+pub const MAX_FRAME: usize = 640;
