@@ -1,10 +1,37 @@
-//! Records, framing and version: everything that box and host share.
+//! Records, framing and version: everything that box and host share. `WIRE.md` is the specification.
+//!
+//! A record goes out through [`encode`] and comes back through a [`Decoder`]:
+//!
+//! ```text
+//! Record -> body (postcard) -> sequence, kind, body, CRC-32 -> COBS, delimiter -> line -> Decoder -> Decoded
+//! record.rs  body.rs            frame.rs                        cobs.rs                    decoder.rs
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod body;
+mod cobs;
+mod counts;
+mod decoder;
+mod event;
+mod frame;
+mod marker;
 mod record;
+mod short;
+pub mod size;
 
-pub use record::*;
+pub use body::{BodyError, Record, decode_body, encode_body, kind};
+pub use counts::Counts;
+pub use decoder::{Damage, Decoded, Decoder};
+pub use event::{Event, LostReason, What};
+pub use frame::{EncodeError, encode, frame};
+pub use marker::{Centres, MAX_MARKERS, Marker, Markers, PACKED_MARKER};
+pub use record::{
+    Health, Hello, LOOP_TIME_BUCKETS, MAX_FIRMWARE, MAX_MARK, MAX_NAME, MAX_SETUP_PIECE, Mark, Motion, Ping,
+    Pong, Pose, PoseFlags, Rest, SetupPiece, TimeSync,
+};
+pub use size::{FRAME_LIMIT, MAX_FRAME};
 
-/// Longest framed record, bytes, delimiter included.
-pub const MAX_FRAME: usize = 640;
+/// Version of the wire that this crate writes. It is raised only by a change that an older decoder could not
+/// read past; what is merely new (kinds, events, fields at the end of a record) does not raise it.
+pub const WIRE_VERSION: u16 = 1;

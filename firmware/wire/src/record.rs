@@ -1,29 +1,45 @@
-//! The records, one struct a kind. WIRE.md is the specification.
+//! The records, one struct a kind; `WIRE.md` is the specification. `Event` and `Markers` have files of their own.
+//!
+//! The serde derives are the layout on the wire (standard deviations as two bytes, times as eight) and meant
+//! for postcard only: whoever wants a record as text writes its fields.
 
-/// Most circles that a `Markers` record can carry: the bits of its masks.
-pub const MAX_MARKERS: usize = 64;
+use serde::{Deserialize, Serialize};
+
+use crate::short;
+
+/// Longest name of a box, bytes.
+pub const MAX_NAME: usize = 32;
+/// Longest firmware version, bytes.
+pub const MAX_FIRMWARE: usize = 32;
+/// Longest piece of the setup's text, bytes.
+pub const MAX_SETUP_PIECE: usize = 192;
+/// Longest text of a mark, bytes.
+pub const MAX_MARK: usize = 64;
 
 /// Who sends, and what its records mean.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello<'a> {
-    /// Version of the wire, see WIRE.md.
+    /// Version of the wire, see [`crate::WIRE_VERSION`].
     pub wire_version: u16,
     /// Serial number of the box.
+    #[serde(with = "postcard::fixint::le")]
     pub box_id: u64,
     /// Number of this boot.
+    #[serde(with = "postcard::fixint::le")]
     pub boot_id: u64,
     /// Number of this session (one start of the frame loop).
+    #[serde(with = "postcard::fixint::le")]
     pub session_id: u64,
-    /// Name of the box, at most 32 bytes.
+    /// Name of the box, at most [`MAX_NAME`] bytes.
     pub name: &'a str,
-    /// Version of the firmware, at most 32 bytes.
+    /// Version of the firmware, at most [`MAX_FIRMWARE`] bytes.
     pub firmware: &'a str,
     /// First 16 bytes of the SHA-256 of the setup's text.
     pub setup_digest: [u8; 16],
 }
 
 /// One piece of the setup's text.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SetupPiece<'a> {
     /// Digest of the whole text, as in `Hello`: pieces of two setups are never mixed.
     pub digest: [u8; 16],
@@ -31,12 +47,12 @@ pub struct SetupPiece<'a> {
     pub index: u16,
     /// Pieces in all.
     pub count: u16,
-    /// The text, at most 192 bytes a piece.
+    /// The text, at most [`MAX_SETUP_PIECE`] bytes a piece.
     pub text: &'a str,
 }
 
 /// The rest pose `[R0 | t0]`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rest {
     /// First and last frame of the rest interval.
     pub first_frame: u32,
@@ -53,11 +69,12 @@ pub struct Rest {
 }
 
 /// The measured motion of one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// The source's own frame number.
     pub frame: u32,
     /// Monotonic clock at mid-exposure, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub time_ns: u64,
     /// See [`PoseFlags`].
     pub flags: PoseFlags,
@@ -68,20 +85,22 @@ pub struct Pose {
 }
 
 /// Relative motion with its standard deviations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// x, y, z in the rest frame, mm.
     pub displacement_mm: [f32; 3],
     /// Roll, pitch, yaw, degrees.
     pub rotation_deg: [f32; 3],
     /// Standard deviations of x, y, z (mm) and roll, pitch, yaw (degrees); 2 bytes each on the wire, to 0.2 %.
+    #[serde(with = "short::six")]
     pub sigma: [f32; 6],
     /// Root mean square reprojection error, px; 2 bytes on the wire, to 0.2 %.
+    #[serde(with = "short::one")]
     pub residual_px: f32,
 }
 
 /// Bits that say how far a pose can be trusted. A host that meets an unknown bit keeps it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PoseFlags(pub u16);
 
 impl PoseFlags {
@@ -121,133 +140,14 @@ impl core::ops::BitOrAssign for PoseFlags {
     }
 }
 
-/// One circle's centre as measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Marker {
-    /// u right, v down, px; 1/1024 px on the wire, from 0 to 4,095 px.
-    pub at_px: [f32; 2],
-    /// Standard deviations of u and v, px; one byte each on the wire, logarithmic.
-    pub sigma_px: [f32; 2],
-    /// Their correlation, -1 to 1; one byte on the wire.
-    pub correlation: f32,
-}
-
-/// What happened.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event<'a> {
-    /// The frame it belongs to.
-    pub frame: u32,
-    /// Monotonic clock, ns.
-    pub time_ns: u64,
-    /// What happened.
-    pub what: What<'a>,
-}
-
-/// Kinds of event. Numbers on the wire are given by WIRE.md and never change.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum What<'a> {
-    /// The frame loop started.
-    Started,
-    /// The frame loop ended properly.
-    Ended,
-    /// A circle that was seen is not seen any more.
-    MarkerLost {
-        /// Index of the circle.
-        circle: u8,
-        /// Why.
-        reason: LostReason,
-    },
-    /// A circle that was lost is seen again.
-    MarkerFound {
-        /// Index of the circle.
-        circle: u8,
-    },
-    /// A circle is still lost, but for another reason.
-    MarkerStillLost {
-        /// Index of the circle.
-        circle: u8,
-        /// Why now.
-        reason: LostReason,
-    },
-    /// Frames that the source numbered but never delivered.
-    FramesMissed {
-        /// How many.
-        count: u32,
-    },
-    /// A frame came with a number not above the one before: not measured again.
-    FrameRepeated,
-    /// A frame came torn, short or of another size.
-    FrameCorrupt,
-    /// The rest pose was set from this interval.
-    RestSet {
-        /// Frames in the mean.
-        frames: u16,
-    },
-    /// A command asked for a new rest pose; the loop waits for rest again.
-    RestRequested,
-    /// The level of the targets' white changed by more than a quarter since the last such event.
-    LightChanged {
-        /// Level now, percent of full scale.
-        percent: u8,
-    },
-    /// The outbox was full; records were lost.
-    QueueOverflow {
-        /// How many.
-        count: u32,
-    },
-    /// No frame for three periods.
-    CameraStalled,
-    /// The camera is gone or failing.
-    CameraLost,
-    /// The camera was opened again.
-    CameraReopened,
-    /// A mark given by the operator: start, end, a remark.
-    Mark {
-        /// Its text, at most 64 bytes.
-        text: &'a str,
-    },
-    /// A command came that cannot be followed.
-    CommandRefused {
-        /// Kind of the command's record.
-        kind: u8,
-    },
-    /// A new setup was taken over.
-    SetupChanged,
-}
-
-/// Why a circle is not seen; the numbers are given by WIRE.md.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum LostReason {
-    /// Its window is outside the picture.
-    OutsidePicture = 0,
-    /// Too little contrast.
-    LowContrast = 1,
-    /// No ring in the window.
-    NotFound = 2,
-    /// Cut by the picture's edge.
-    CutByPicture = 3,
-    /// Cut by the window's edge.
-    CutByWindow = 4,
-    /// Saturated.
-    Saturated = 5,
-    /// Size, ratio or outline do not fit.
-    Outline = 6,
-    /// Could be a neighbour.
-    Neighbour = 7,
-    /// Does not fit the pose of the others.
-    Residual = 8,
-    /// A reason that this version does not know.
-    Other = 255,
-}
-
 /// Buckets of the loop time histogram.
 pub const LOOP_TIME_BUCKETS: usize = 16;
 
 /// How the box is doing, once a second of frame time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Health {
     /// Monotonic clock, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub time_ns: u64,
     /// Frames since start.
     pub frames: u32,
@@ -269,9 +169,10 @@ pub struct Health {
 }
 
 /// How the box's monotonic clock stands to UTC.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TimeSync {
     /// Monotonic clock, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub time_ns: u64,
     /// UTC minus monotonic clock, ns since 1970; `None` where the box knows no UTC.
     pub utc_offset_ns: Option<i64>,
@@ -280,28 +181,31 @@ pub struct TimeSync {
 }
 
 /// Answer to a `Ping`, with both clocks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pong {
     /// Number of the ping.
     pub number: u32,
     /// The host's clock, as the ping carried it, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub host_time_ns: u64,
     /// The box's monotonic clock when it answered, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub time_ns: u64,
 }
 
 /// Host to box: the host asks for the box's clock.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ping {
     /// Any number.
     pub number: u32,
     /// The host's clock, ns.
+    #[serde(with = "postcard::fixint::le")]
     pub host_time_ns: u64,
 }
 
 /// Host to box: a mark in the records.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark<'a> {
-    /// Its text, at most 64 bytes.
+    /// Its text, at most [`MAX_MARK`] bytes.
     pub text: &'a str,
 }
