@@ -78,3 +78,28 @@ fn every_damage_has_its_name() {
         assert_eq!(decoded(&line[..length]), [Found::Damaged(Damage::Body { sequence: 9, kind })]);
     }
 }
+
+#[test]
+fn a_text_beyond_its_bound_makes_no_sense() {
+    // The bytes in front of the text, the kind, and the greatest length.
+    let mark = [&[0; 9][..], &[16]].concat();
+    let cases: [(u8, &[u8], usize); 5] = [
+        (kind::HELLO, &[0; 25], MAX_NAME),
+        (kind::HELLO, &[0; 26], MAX_FIRMWARE),
+        (kind::SETUP, &[0; 18], MAX_SETUP_PIECE),
+        (kind::MARK, &[], MAX_MARK),
+        (kind::EVENT, &mark, MAX_MARK),
+    ];
+    for (kind, before, limit) in cases {
+        for (length, is_kept) in [(limit, true), (limit + 1, false)] {
+            let mut body = before.to_vec();
+            body.push(length as u8);
+            // Lengths from 128 on take a second byte.
+            body.extend((length > 127).then_some(1));
+            body.extend(vec![b'x'; length]);
+            // What comes behind the text in a `Hello`.
+            body.extend([0; 17]);
+            assert_eq!(decode_body(kind, &body).is_ok(), is_kept, "kind {kind}, {length} bytes");
+        }
+    }
+}
