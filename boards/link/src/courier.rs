@@ -1,0 +1,236 @@
+//! The body of the link thread, the same on every board: packets to the line, commands from it.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use gangway_device::{Link, LinkError, LinkErrorKind};
+use gangway_engine::{Command, InboxProducer, OutboxConsumer};
+
+use crate::{Commands, MAX_DATAGRAM};
+
+/// Rest between two turns that found nothing to do: the latency of a packet is bounded by it.
+pub const IDLE: Duration = Duration::from_millis(1);
+/// Sends in one turn, so that commands are heard in between.
+const SENDS_PER_TURN: usize = 64;
+/// How long a host may take to close its end after everything was sent.
+const GOODBYE: Duration = Duration::from_secs(2);
+
+/// What a courier has carried.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Carried {
+    /// Records handed to the line.
+    pub records: u64,
+    /// Bytes handed to the line.
+    pub bytes: u64,
+    /// Records cut in the middle by the loss of a connection; their rest was dropped.
+    pub cut: u64,
+    /// Commands handed to the frame loop, announcements and refusals not among them.
+    pub commands: u64,
+    /// Commands that cannot be followed; the frame loop was told.
+    pub refused: u64,
+}
+
+/// Carries packets from the outbox to the link and commands from the link to the inbox.
+///
+/// Records go whole and in order: one that was begun is finished before the next. Where the connection is lost
+/// in the middle of one, its rest is dropped, and what waits is sent to whoever connects next; the frame loop
+/// is then asked to announce itself. While nobody is connected, packets stay in the outbox.
+pub struct Courier<'q, L> {
+    outbox: OutboxConsumer<'q>,
+    inbox: InboxProducer<'q>,
+    link: L,
+    /// Whole records on their way, the first perhaps begun.
+    batch: Vec<u8>,
+    /// The first record of `batch` is on the line in part.
+    is_begun: bool,
+    connections: u32,
+    announce: bool,
+    /// Bytes that came and are not decoded yet.
+    input: Vec<u8>,
+    /// A command that found the inbox full.
+    waiting: Option<Command>,
+    commands: Commands,
+    carried: Carried,
+}
+
+impl<'q, L: Link> Courier<'q, L> {
+    /// A courier between the queues and the link.
+    pub fn new(outbox: OutboxConsumer<'q>, inbox: InboxProducer<'q>, link: L) -> Self {
+        Self {
+            outbox,
+            inbox,
+            connections: link.connections(),
+            link,
+            batch: Vec::with_capacity(2 * MAX_DATAGRAM),
+            is_begun: false,
+            announce: false,
+            input: Vec::new(),
+            waiting: None,
+            commands: Commands::default(),
+            carried: Carried::default(),
+        }
+    }
+
+    /// One turn, never waiting. Tells whether anything moved.
+    ///
+    /// # Errors
+    /// The link's, but for [`LinkErrorKind::NotConnected`], which is no more than a reason to wait.
+    pub fn turn(&mut self) -> Result<bool, L::Error> {
+        let heard = self.hear();
+        let heard = self.connected(heard)?;
+        let sent = self.send();
+        Ok(self.connected(sent)? | heard)
+    }
+
+    /// Turns until `stop` is set. `trouble` decides for every error of the link whether to go on.
+    pub fn run(&mut self, stop: &AtomicBool, mut trouble: impl FnMut(L::Error) -> ControlFlow<()>) {
+        while !stop.load(Ordering::Acquire) {
+            let moved = match self.turn() {
+                Ok(moved) => moved,
+                Err(error) => match trouble(error) {
+                    ControlFlow::Break(()) => return,
+                    ControlFlow::Continue(()) => false,
+                },
+            };
+            if !moved {
+                thread::sleep(IDLE);
+            }
+        }
+    }
+
+    /// Sends what is left and ends the line, within `patience`. Gives back the records that could not be sent.
+    ///
+    /// # Errors
+    /// The link's.
+    pub fn drain(&mut self, patience: Duration) -> Result<usize, L::Error> {
+        let until = Instant::now() + patience;
+        while self.left() > 0 && Instant::now() < until {
+            if !self.turn()? {
+                thread::sleep(IDLE);
+            }
+        }
+        self.finish()?;
+        Ok(self.left())
+    }
+
+    /// Ends the line once everything is sent: two seconds at most.
+    ///
+    /// # Errors
+    /// The link's, where the end of the line cannot be trusted (a file that could not be synced).
+    pub fn finish(&mut self) -> Result<(), L::Error> {
+        let until = Instant::now() + GOODBYE;
+        loop {
+            let finished = self.link.finish();
+            match finished {
+                Err(error) if error.kind() != LinkErrorKind::NotConnected => return Err(error),
+                Ok(false) if Instant::now() < until => thread::sleep(IDLE),
+                _ => return Ok(()),
+            }
+        }
+    }
+
+    /// Records that are not on the line yet.
+    pub fn left(&self) -> usize {
+        self.outbox.len() + delimiters(&self.batch)
+    }
+
+    /// What was carried so far.
+    pub fn carried(&self) -> Carried {
+        self.carried
+    }
+
+    /// What the host has sent, damage among it.
+    pub fn heard(&self) -> &gangway_wire::Counts {
+        self.commands.counts()
+    }
+
+    /// The link.
+    pub fn link(&self) -> &L {
+        &self.link
+    }
+
+    /// Notes new connections and lost ones.
+    fn connected(&mut self, outcome: Result<bool, L::Error>) -> Result<bool, L::Error> {
+        if self.link.connections() != self.connections {
+            self.connections = self.link.connections();
+            self.announce = true;
+        }
+        match outcome {
+            Err(error) if error.kind() == LinkErrorKind::NotConnected => {
+                if std::mem::take(&mut self.is_begun) {
+                    let end =
+                        self.batch.iter().position(|&byte| byte == 0).map_or(self.batch.len(), |at| at + 1);
+                    self.batch.drain(..end);
+                    self.carried.cut += 1;
+                }
+                Ok(false)
+            }
+            other => other,
+        }
+    }
+
+    fn send(&mut self) -> Result<bool, L::Error> {
+        for turn in 0..SENDS_PER_TURN {
+            if self.batch.is_empty() {
+                self.fill();
+            }
+            let count = if self.batch.is_empty() { 0 } else { self.link.send(&self.batch)? };
+            let Some(sent) = self.batch.get(..count).filter(|sent| !sent.is_empty()) else {
+                return Ok(turn > 0);
+            };
+            self.is_begun = sent.last() != Some(&0);
+            self.carried.records += delimiters(sent) as u64;
+            self.carried.bytes += count as u64;
+            self.batch.drain(..count);
+        }
+        Ok(true)
+    }
+
+    /// Takes as many packets as a datagram carries.
+    fn fill(&mut self) {
+        while let Some(packet) = self.outbox.peek() {
+            if !self.batch.is_empty() && self.batch.len() + packet.bytes.len() > MAX_DATAGRAM {
+                return;
+            }
+            self.batch.extend_from_slice(&packet.bytes);
+            self.outbox.dequeue();
+        }
+    }
+
+    fn hear(&mut self) -> Result<bool, L::Error> {
+        if std::mem::take(&mut self.announce) {
+            self.announce = self.inbox.enqueue(Command::Announce).is_err();
+        }
+        if let Some(command) = self.waiting.take() {
+            self.waiting = self.inbox.enqueue(command).err();
+        }
+        if self.input.is_empty() {
+            let mut portion = [0; 4096];
+            let count = self.link.receive(&mut portion)?;
+            self.input.extend_from_slice(portion.get(..count).unwrap_or_default());
+        }
+        let before = self.input.len();
+        while self.waiting.is_none() && !self.input.is_empty() {
+            let (command, rest) = self.commands.feed(&self.input);
+            let rest = rest.len();
+            self.input.drain(..self.input.len() - rest);
+            if let Some(command) = command {
+                match command {
+                    Command::Refused { .. } => self.carried.refused += 1,
+                    _ => self.carried.commands += 1,
+                }
+                self.waiting = self.inbox.enqueue(command).err();
+            }
+        }
+        Ok(self.input.len() != before)
+    }
+}
+
+fn delimiters(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|&&byte| byte == 0).count()
+}
+
+#[cfg(test)]
+mod tests;
