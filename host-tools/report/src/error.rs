@@ -1,0 +1,91 @@
+//! What can go wrong, each as one sentence that says what to do.
+
+use std::path::PathBuf;
+
+/// Why an evaluation, or its report, could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The session holds no frames.
+    #[error("{session}: there are no frames in it, so there is nothing to evaluate")]
+    NoFrames {
+        /// Name of the session.
+        session: String,
+    },
+    /// No frame has a pose.
+    #[error(
+        "{session}: none of its {frames} frames has a pose ({waiting} waited for the rest pose); look at its events for the reason"
+    )]
+    NoPose {
+        /// Name of the session.
+        session: String,
+        /// Frames in all.
+        frames: usize,
+        /// Those of them that waited.
+        waiting: usize,
+    },
+    /// No frame with a pose has a truth.
+    #[error(
+        "no frame of {session} that has a pose is in {reference}: measured are frames {} to {}, {reference} has {} to {}; are both of the same ride?",
+        measured.0, measured.1, given.0, given.1
+    )]
+    NoOverlap {
+        /// Name of the session.
+        session: String,
+        /// Name of the reference.
+        reference: String,
+        /// First and last frame with a pose.
+        measured: (u32, u32),
+        /// First and last frame of the reference.
+        given: (u32, u32),
+    },
+    /// The reference cannot be read.
+    #[error("{name}: cannot be read: {source}")]
+    ReadReference {
+        /// Its name.
+        name: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The reference's first line lacks a column, or has it twice.
+    #[error("{name}, line {line}: {what}")]
+    Header {
+        /// Name of the reference.
+        name: String,
+        /// Line of the header.
+        line: u64,
+        /// What is wrong, and what is allowed.
+        what: String,
+    },
+    /// A cell of the reference is wrong.
+    #[error("{name}, line {line}, column {column}: {what}")]
+    Cell {
+        /// Name of the reference.
+        name: String,
+        /// Its line, from 1.
+        line: u64,
+        /// Name of the column, as the file gives it.
+        column: String,
+        /// What is wrong, and what is allowed.
+        what: String,
+    },
+    /// The reference has a header and no rows.
+    #[error("{name}: there is no truth in it, only a header; expected is one row a frame")]
+    EmptyReference {
+        /// Its name.
+        name: String,
+    },
+    /// A file of the report cannot be written.
+    #[error("{}: cannot be written: {source}; give another folder with --out", path.display())]
+    Write {
+        /// Its path.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A picture cannot be drawn.
+    #[error("the picture cannot be drawn: {what}")]
+    Draw {
+        /// What the renderer said.
+        what: String,
+    },
+}

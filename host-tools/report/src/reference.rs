@@ -1,0 +1,210 @@
+//! The truth as a CSV file: `frame,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg`, one row a frame.
+//!
+//! Columns may stand in any order, others are ignored. `x_mm` or `x [mm]` are as good as `dx_mm`, `roll (°)` as
+//! `roll_deg`; a name without its unit is not, for nobody can tell millimetres from metres. A row whose six cells are
+//! all empty says that the frame has no truth: an exported ride can be the reference of another.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use csv::StringRecord;
+
+use crate::{DEGREES_OF_FREEDOM, ReportError};
+
+/// The true motion of each frame.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    name: String,
+    truth: BTreeMap<u32, [f64; 6]>,
+}
+
+impl Reference {
+    /// Takes the truth from pairs of frame number and x, y, z (mm), roll, pitch, yaw (degrees).
+    ///
+    /// # Errors
+    ///
+    /// Where there is not one pair.
+    pub fn new(name: &str, truth: impl IntoIterator<Item = (u32, [f64; 6])>) -> Result<Self, ReportError> {
+        let (name, truth) = (name.to_owned(), BTreeMap::from_iter(truth));
+        if truth.is_empty() { Err(ReportError::EmptyReference { name }) } else { Ok(Self { name, truth }) }
+    }
+
+    /// Reads a CSV file.
+    ///
+    /// # Errors
+    ///
+    /// Where it cannot be read, or is not as described above: with its line and column.
+    pub fn read(path: &Path) -> Result<Self, ReportError> {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Ok(text) => Self::parse(&text, &name),
+            Err(source) => Err(ReportError::ReadReference { name, source }),
+        }
+    }
+
+    /// Reads the text of a CSV file; `name` is what messages call it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Reference::read`].
+    pub fn parse(text: &[u8], name: &str) -> Result<Self, ReportError> {
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        let text = String::from_utf8_lossy(text);
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(delimiter(&text))
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        let mut rows = reader.records();
+        let read = |row: Result<StringRecord, csv::Error>| {
+            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), source: e.into() })
+        };
+
+        let header = match rows.next() {
+            Some(row) => read(row)?,
+            None => return Err(ReportError::EmptyReference { name: name.to_owned() }),
+        };
+        let columns = Columns::find(&header, name)?;
+        let mut truth = BTreeMap::new();
+        let mut lines = BTreeMap::new();
+        for row in rows {
+            let row = read(row)?;
+            let line = line_of(&row, &text);
+            let (frame, values) = columns.row(&row, line, name)?;
+            if let Some(before) = lines.insert(frame, line) {
+                let what = format!("frame {frame} is given on line {before} already; each frame has one row");
+                return Err(columns.cell_error(0, line, name, what));
+            }
+            if let Some(values) = values {
+                truth.insert(frame, values);
+            }
+        }
+        Self::new(name, truth)
+    }
+
+    /// What messages and reports call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The truth of a frame: x, y, z (mm), roll, pitch, yaw (degrees).
+    pub fn at(&self, frame: u32) -> Option<[f64; 6]> {
+        self.truth.get(&frame).copied()
+    }
+
+    /// First and last frame.
+    pub fn frames(&self) -> (u32, u32) {
+        let first = self.truth.keys().next().copied().unwrap_or_default();
+        (first, self.truth.keys().next_back().copied().unwrap_or(first))
+    }
+
+    /// Frames with a truth from `first` to `last`, both included.
+    pub(crate) fn between(&self, first: u32, last: u32) -> impl Iterator<Item = u32> {
+        let range = if first <= last { Some(self.truth.range(first..=last)) } else { None };
+        range.into_iter().flatten().map(|(frame, _)| *frame)
+    }
+}
+
+/// Comma, semicolon or tab, whichever the first line that says something has most of.
+fn delimiter(text: &str) -> u8 {
+    let header = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
+    let count = |c: u8| header.bytes().filter(|b| *b == c).count();
+    // Of equals, the last would win: the comma is the last.
+    [b'\t', b';', b','].into_iter().max_by_key(|c| count(*c)).unwrap_or(b',')
+}
+
+/// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the row.
+fn line_of(row: &StringRecord, text: &str) -> u64 {
+    let Some(position) = row.position() else { return 0 };
+    let rest = text.get(position.byte() as usize..).unwrap_or_default();
+    let skipped = &rest[..rest.len() - rest.trim_start_matches(['\r', '\n']).len()];
+    position.line() + skipped.matches('\n').count() as u64
+}
+
+/// Where the seven columns are, and what the file calls them: frame, then the six degrees of freedom.
+struct Columns {
+    at: [usize; 7],
+    names: [String; 7],
+}
+
+impl Columns {
+    fn find(header: &StringRecord, name: &str) -> Result<Self, ReportError> {
+        let error = |what| ReportError::Header { name: name.to_owned(), line: 1, what };
+        let mut at = [0; 7];
+        let mut names = [const { String::new() }; 7];
+        for (i, (at, found)) in at.iter_mut().zip(&mut names).enumerate() {
+            let allowed = allowed_names(i);
+            let mut fits =
+                header.iter().enumerate().filter(|(_, column)| allowed.contains(&plain_name(column)));
+            let Some((position, column)) = fits.next() else {
+                let has = header.iter().collect::<Vec<_>>().join(", ");
+                let wanted = allowed.join(" or ");
+                return Err(error(format!("the column {wanted} is missing; the header has: {has}")));
+            };
+            if let Some((_, second)) = fits.next() {
+                return Err(error(format!("the columns {column} and {second} mean the same; take one out")));
+            }
+            (*at, *found) = (position, column.to_owned());
+        }
+        Ok(Self { at, names })
+    }
+
+    fn row(&self, row: &StringRecord, line: u64, name: &str) -> Result<(u32, Option<[f64; 6]>), ReportError> {
+        let cell = |i: usize| {
+            row.get(self.at[i]).ok_or_else(|| {
+                let what = format!("the line ends before it, after {} of its cells", row.len());
+                self.cell_error(i, line, name, what)
+            })
+        };
+        let text = cell(0)?;
+        let frame = text.parse::<u32>().map_err(|_| {
+            let what = format!("\"{text}\" is not a frame number; expected is a whole number from 0");
+            self.cell_error(0, line, name, what)
+        })?;
+        let mut values = [0.0; 6];
+        let mut empty = 0;
+        for (i, value) in values.iter_mut().enumerate() {
+            let text = cell(i + 1)?;
+            if text.is_empty() {
+                empty += 1;
+                continue;
+            }
+            *value = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+                let unit = DEGREES_OF_FREEDOM[i].unit;
+                let what = format!("\"{text}\" is not a number in {unit}; expected is one such as -12.5");
+                self.cell_error(i + 1, line, name, what)
+            })?;
+        }
+        match empty {
+            0 => Ok((frame, Some(values))),
+            6 => Ok((frame, None)),
+            _ => {
+                let i = (1..7).find(|i| row.get(self.at[*i]) == Some("")).unwrap_or(1);
+                let what = "the cell is empty; a frame has all six values or none of them".to_owned();
+                Err(self.cell_error(i, line, name, what))
+            }
+        }
+    }
+
+    fn cell_error(&self, i: usize, line: u64, name: &str, what: String) -> ReportError {
+        ReportError::Cell { name: name.to_owned(), line, column: self.names[i].clone(), what }
+    }
+}
+
+/// What column `i` (0: frame) may be called, the first being the usual name.
+fn allowed_names(i: usize) -> Vec<String> {
+    match i.checked_sub(1).map(|i| DEGREES_OF_FREEDOM[i]) {
+        None => vec!["frame".to_owned()],
+        Some(of) if of.is_angle => vec![format!("{}_deg", of.name)],
+        Some(of) => vec![format!("d{}_mm", of.name), format!("{}_mm", of.name)],
+    }
+}
+
+/// `X [mm]` as `x_mm`, `Roll (°)` as `roll_deg`.
+fn plain_name(column: &str) -> String {
+    let text = column.to_lowercase().replace('°', "deg");
+    let words: Vec<&str> =
+        text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).collect();
+    words.join("_")
+}
