@@ -24,14 +24,14 @@ pub enum StoreError {
         why: String,
     },
     /// A file or folder refuses.
-    #[error("cannot {doing} {}: {source}", path.display())]
+    #[error("cannot {doing} {}: {error}", path.display())]
     Io {
         /// A verb: open, read, write...
         doing: &'static str,
         /// The file or folder.
         path: PathBuf,
         /// The system's reason.
-        source: io::Error,
+        error: io::Error,
     },
     /// No room left.
     #[error("{}: the disk is full; make room and start again, what was written before is kept", path.display())]
@@ -77,14 +77,6 @@ pub enum StoreError {
         /// What is missing.
         why: String,
     },
-    /// Parquet refuses.
-    #[error("cannot write Parquet to {}: {why}", path.display())]
-    Parquet {
-        /// The file.
-        path: PathBuf,
-        /// Its reason.
-        why: String,
-    },
     /// The box did not answer a command as it should.
     #[error("{what}: {why}")]
     Command {
@@ -97,12 +89,12 @@ pub enum StoreError {
 
 impl StoreError {
     /// An error of the system with what was being done to which path; a full disk is told apart.
-    pub(crate) fn io(doing: &'static str, path: &Path, source: io::Error) -> Self {
-        match source.kind() {
+    pub(crate) fn io(doing: &'static str, path: &Path, error: io::Error) -> Self {
+        match error.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
                 Self::Full { path: path.to_owned() }
             }
-            _ => Self::Io { doing, path: path.to_owned(), source },
+            _ => Self::Io { doing, path: path.to_owned(), error },
         }
     }
 }

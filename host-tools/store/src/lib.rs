@@ -9,9 +9,12 @@
 //! The stream holds the bytes as they came and follows from nothing else; index and notes can be lost.
 
 mod address;
+mod command;
 mod error;
+mod export;
 mod index;
 mod meta;
+mod parquet;
 mod pieces;
 mod receive;
 mod rows;
@@ -21,11 +24,14 @@ mod source;
 mod tally;
 #[cfg(test)]
 mod testing;
+mod text;
 mod utc;
 mod writer;
 
 pub use address::{Address, DEFAULT_BAUD};
+pub use command::{Answer, Command, send};
 pub use error::StoreError;
+pub use export::{Format, Rows};
 pub use index::Entry;
 pub use meta::{End, Meta, Sender};
 pub use receive::{Received, Receiver, Until};
@@ -33,4 +39,5 @@ pub use rows::{MARKER_COLUMNS, MarkerRow, POSE_COLUMNS, PoseRow, flag_words, num
 pub use scan::{Found, Walk, walk};
 pub use session::{INDEX, IndexState, Missing, Recovery, STREAM, Session};
 pub use tally::Tally;
+pub use text::line;
 pub use writer::{SYNC_PERIOD, SessionWriter};

@@ -136,7 +136,7 @@ fn read_stdin(buffer: &mut [u8]) -> io::Result<Got> {
 }
 
 /// Readies an accepted or made connection: short reads, and an end when the other side is gone.
-fn prepare(stream: &TcpStream) -> io::Result<()> {
+pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(WAIT))?;
     sockopt::set_socket_keepalive(stream, true)?;

@@ -46,12 +46,19 @@ pub(crate) fn pose(frame: u32) -> Pose {
 
 /// Hello, a setup, started, `frames` times pose and markers, ended.
 pub(crate) fn ride(session_id: u64, frames: u32) -> Vec<u8> {
+    ride_of(session_id, 0..frames)
+}
+
+/// A ride of these frames.
+pub(crate) fn ride_of(session_id: u64, frames: impl Iterator<Item = u32>) -> Vec<u8> {
     let (mut bytes, mut sequence) = (Vec::new(), 0);
     let mut put = |record: &Record<'_>| put(&mut bytes, &mut sequence, record);
     put(&hello(session_id));
     put(&Record::Setup(SetupPiece { digest: [9; 16], index: 0, count: 2, text: "name = 'ride'" }));
     put(&Record::Event(Event { frame: 0, time_ns: 0, what: What::Started }));
-    for frame in 0..frames {
+    let mut next = 0;
+    for frame in frames {
+        next = frame + 1;
         put(&Record::Pose(pose(frame)));
         let mut centres = Centres::new();
         for circle in 0..5 {
@@ -61,6 +68,6 @@ pub(crate) fn ride(session_id: u64, frames: u32) -> Vec<u8> {
         }
         put(&Record::Markers(centres.markers(frame)));
     }
-    put(&Record::Event(Event { frame: frames, time_ns: pose(frames).time_ns, what: What::Ended }));
+    put(&Record::Event(Event { frame: next, time_ns: pose(next).time_ns, what: What::Ended }));
     bytes
 }
