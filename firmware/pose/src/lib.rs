@@ -12,3 +12,5 @@ pub use settings::{Method, Settings};
 
 /// Most circles that one setup may have, over all its targets.
 pub const MAX_CIRCLES: usize = 64;
+mod first;
+pub use first::*;
