@@ -1,14 +1,34 @@
-//! The frame loop: one step a frame.
+//! The frame loop: one [`Engine::step`] a frame, short enough to read as the flow.
+//!
+//! ```text
+//! Camera -> Frame -> windows -> rings -> pose -> motion -> records -> Outbox -> (link thread) -> host
+//!           arrive   predict    look     solve   relate    record
+//! ```
+//!
+//! A step never allocates, never panics, writes no text and waits nowhere but for the camera's next frame.
+//! Clock, camera, lamps and the two queues are passed in; nothing else is touched.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod announce;
+mod engine;
+mod health;
+mod light;
 mod outbox;
+mod predict;
+mod recorder;
+mod report;
+mod rest;
 mod settings;
+mod visibility;
+mod windows;
 
+pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
 pub use outbox::{
     Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, MAX_MARK, OUTBOX_SLOTS, Outbox,
     OutboxConsumer, OutboxProducer, Packet,
 };
+pub use rest::MAX_REST_FRAMES;
 pub use settings::{Limits, RestSettings, Settings};
 
 /// Longest setup text that the box carries and announces, bytes.

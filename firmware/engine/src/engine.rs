@@ -1,0 +1,382 @@
+//! The frame loop's one step: frame, windows, centres, pose, motion, records.
+
+use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
+use gangway_pose::{MAX_CIRCLES, Observation, Pose, PoseError, Solution, solve};
+use gangway_vision::{Refusal, Ring, Search, Tracker};
+use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
+use heapless::Vec;
+
+use crate::announce::Announcer;
+use crate::health::Pulse;
+use crate::light::Light;
+use crate::predict::Predictor;
+use crate::recorder::Recorder;
+use crate::rest::{Found, RestFinder};
+use crate::visibility::Watch;
+use crate::{Command, InboxConsumer, OutboxProducer, Settings, report, windows};
+
+/// Most records that one step can put into the outbox: an event a circle, answers to a full inbox, and the
+/// pose, markers, rest, announcement, health and camera's events beside them.
+pub const MAX_RECORDS_PER_STEP: usize = MAX_CIRCLES + crate::INBOX_SLOTS + 16;
+const _: () = assert!(MAX_RECORDS_PER_STEP < crate::OUTBOX_SLOTS);
+
+/// Who this box is.
+#[derive(Clone, Copy, Debug)]
+pub struct Identity {
+    /// Serial number of the box.
+    pub box_id: u64,
+    /// Number of this boot.
+    pub boot_id: u64,
+    /// Number of this session.
+    pub session_id: u64,
+    /// Version of the firmware, at most 32 bytes.
+    pub firmware: &'static str,
+}
+
+/// The hardware that a step works on; all of it is passed in.
+pub struct Board<'b, C, K, V, L> {
+    /// Where frames come from.
+    pub camera: &'b mut C,
+    /// Monotonic time and UTC.
+    pub clock: &'b K,
+    /// Temperature and free space.
+    pub vitals: &'b mut V,
+    /// The lamps of active targets.
+    pub lamps: &'b mut [L],
+}
+
+/// What a step came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A frame was measured and has its motion.
+    Measured,
+    /// A frame was worked through but gave no motion; its record says why.
+    Unmeasured,
+    /// A frame came again; it has no record of its own.
+    Repeated,
+    /// The camera gave no frame.
+    NoFrame(CameraErrorKind),
+}
+
+/// The frame loop's state: one box, one camera, one session.
+///
+/// It is some hundred KiB large: boards place it once, in a static or a box.
+pub struct Engine {
+    settings: Settings,
+    identity: Identity,
+    tracker: Tracker,
+    predictor: Predictor,
+    rest_finder: RestFinder,
+    /// Rest is being looked for: at start, and after a command.
+    seeking_rest: bool,
+    rest: Option<Found>,
+    searches: Vec<Search, MAX_CIRCLES>,
+    second_searches: Vec<Search, MAX_CIRCLES>,
+    outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
+    centres: wire::Centres,
+    watches: [Watch; MAX_CIRCLES],
+    light: Light,
+    announcer: Announcer,
+    recorder: Recorder,
+    pulse: Pulse,
+    last_frame: Option<u32>,
+    started: bool,
+}
+
+impl Engine {
+    /// Prepares the loop: the seeds give the first pose, and that gives the first windows.
+    ///
+    /// # Errors
+    /// The seeds do not determine a pose: too few, on one line, or not where these targets can be seen.
+    pub fn new(settings: Settings, identity: Identity) -> Result<Self, PoseError> {
+        let predictor = Predictor::from_pose(windows::seed_pose(&settings)?);
+        Ok(Self {
+            tracker: Tracker::new(settings.vision),
+            predictor,
+            rest_finder: RestFinder::new(settings.rest),
+            seeking_rest: true,
+            rest: None,
+            searches: Vec::new(),
+            second_searches: Vec::new(),
+            outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
+            centres: wire::Centres::new(),
+            watches: [Watch::default(); MAX_CIRCLES],
+            light: Light::default(),
+            announcer: Announcer::default(),
+            recorder: Recorder::default(),
+            pulse: Pulse::default(),
+            last_frame: None,
+            started: false,
+            settings,
+            identity,
+        })
+    }
+
+    /// One frame, from the camera to the outbox. Blocks nowhere but in the camera's own wait for a frame.
+    pub fn step<C: Camera, K: Clock, V: Vitals, L: Lamp>(
+        &mut self,
+        board: &mut Board<'_, C, K, V, L>,
+        inbox: &mut InboxConsumer<'_>,
+        outbox: &mut OutboxProducer<'_>,
+    ) -> Step {
+        self.obey(inbox, board.clock, outbox);
+        let frame = match board.camera.next_frame() {
+            Ok(frame) => frame,
+            Err(error) => return self.without_frame(error.kind(), board.clock, outbox),
+        };
+        let woken_ns = board.clock.now_ns();
+        let Some(flags) = self.arrive(&frame, outbox) else { return Step::Repeated };
+
+        self.predict(frame.number());
+        self.look(&frame);
+        let solution = self.solve(&frame);
+        self.find_rest(frame.number(), solution.as_ref().ok(), outbox);
+        let pose = self.relate(&frame, solution.as_ref(), flags);
+        self.record(&pose, solution.as_ref().map_or(0, |solution| solution.used), outbox);
+
+        self.announce(frame.time_ns(), board.clock, outbox);
+        self.pulse.beat(board.clock.now_ns().saturating_sub(woken_ns));
+        if self.pulse.due(frame.time_ns()) {
+            self.report_health(board.clock, board.vitals, outbox);
+        }
+        if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured }
+    }
+
+    /// Ends the session: says so and puts every lamp out.
+    pub fn end<L: Lamp>(&mut self, lamps: &mut [L], outbox: &mut OutboxProducer<'_>) {
+        for lamp in lamps {
+            // Nothing is left to be done about a pin that fails now.
+            let _ = lamp.set_lit(false);
+        }
+        self.recorder.event(outbox, What::Ended);
+    }
+
+    /// Frames that came since start.
+    pub fn frames(&self) -> u32 {
+        self.pulse.frames()
+    }
+
+    /// Records lost to a full outbox since start.
+    pub fn records_lost(&self) -> u32 {
+        self.recorder.lost()
+    }
+
+    /// Does what host and link have asked for since the last frame.
+    fn obey(&mut self, inbox: &mut InboxConsumer<'_>, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
+        if !core::mem::replace(&mut self.started, true) {
+            self.announcer.restart();
+            self.recorder.event(outbox, What::Started);
+        }
+        while let Some(command) = inbox.dequeue() {
+            match command {
+                Command::SetRest => {
+                    self.seeking_rest = true;
+                    self.rest_finder.clear();
+                    self.recorder.event(outbox, What::RestRequested);
+                }
+                Command::Mark(text) => self.recorder.event(outbox, What::Mark { text: &text }),
+                Command::Ping { number, host_time_ns } => {
+                    let pong = Pong { number, host_time_ns, time_ns: clock.now_ns() };
+                    self.recorder.put(outbox, &Record::Pong(pong));
+                }
+                Command::Announce => self.announcer.restart(),
+                Command::Refused { kind } => self.recorder.event(outbox, What::CommandRefused { kind }),
+            }
+        }
+    }
+
+    /// The camera gave no frame: says why, and goes on greeting who listens.
+    fn without_frame(
+        &mut self,
+        kind: CameraErrorKind,
+        clock: &impl Clock,
+        outbox: &mut OutboxProducer<'_>,
+    ) -> Step {
+        self.recorder.at(self.last_frame.unwrap_or(0), clock.now_ns());
+        let what = match kind {
+            CameraErrorKind::Ended => None,
+            CameraErrorKind::Stalled => Some(What::CameraStalled),
+            CameraErrorKind::Lost => Some(What::CameraLost),
+            CameraErrorKind::Reopened => Some(What::CameraReopened),
+            CameraErrorKind::Corrupt => Some(What::FrameCorrupt),
+        };
+        if let Some(what) = what {
+            self.recorder.event(outbox, what);
+        }
+        let rest = self.rest.as_ref();
+        self.announcer.step(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
+        Step::NoFrame(kind)
+    }
+
+    /// Compares number and size with what must come: the flags that follow, `None` for a frame already seen.
+    fn arrive(&mut self, frame: &Frame<'_>, outbox: &mut OutboxProducer<'_>) -> Option<PoseFlags> {
+        self.recorder.at(frame.number(), frame.time_ns());
+        let mut flags = PoseFlags::default();
+        if let Some(last) = self.last_frame {
+            // The number may wrap: more than half way round is backwards.
+            let ahead = frame.number().wrapping_sub(last);
+            if ahead == 0 || ahead > u32::MAX / 2 {
+                self.recorder.event(outbox, What::FrameRepeated);
+                return None;
+            }
+            if ahead > 1 {
+                self.pulse.missed(ahead - 1);
+                self.recorder.event(outbox, What::FramesMissed { count: ahead - 1 });
+                flags |= PoseFlags::AFTER_GAP;
+            }
+        }
+        self.last_frame = Some(frame.number());
+        if (frame.width(), frame.height()) != self.settings.picture {
+            self.recorder.event(outbox, What::FrameCorrupt);
+            flags |= PoseFlags::CORRUPT;
+        }
+        Some(flags)
+    }
+
+    /// A window for every circle, where the last poses say that it will be.
+    fn predict(&mut self, frame: u32) {
+        let pose = self.predictor.predict(frame);
+        let first = self.pulse.frames() == 0;
+        windows::searches(&self.settings, &pose, first, &mut self.searches);
+    }
+
+    /// Every ring in its window.
+    fn look(&mut self, frame: &Frame<'_>) {
+        let count = self.searches.len();
+        if let Some(outcomes) = self.outcomes.get_mut(..count) {
+            self.tracker.track(frame, &self.searches, outcomes);
+        }
+    }
+
+    /// The pose of the rings seen. With it, rings that were missed are looked for where they must be.
+    fn solve(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
+        let mut solution = self.solve_once(&self.predictor.predict(frame.number()))?;
+        if self.look_again(frame, &solution.pose) {
+            solution = self.solve_once(&solution.pose)?;
+        }
+        self.predictor.update(frame.number(), solution.pose);
+        Ok(solution)
+    }
+
+    /// The pose of all rings seen so far. The solution's mask names circles of the setup.
+    fn solve_once(&self, prior: &Pose) -> Result<Solution, PoseError> {
+        let mut observations = Vec::<Observation, MAX_CIRCLES>::new();
+        let mut seen = Vec::<usize, MAX_CIRCLES>::new();
+        for (i, (circle, outcome)) in self.settings.circles.iter().zip(&self.outcomes).enumerate() {
+            if let Ok(ring) = outcome {
+                // At most as many as circles, and all are bounded by MAX_CIRCLES.
+                let _ = observations.push(Observation { point: circle.point, centre: ring.centre });
+                let _ = seen.push(i);
+            }
+        }
+        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(prior))?;
+        let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
+        solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
+        Ok(solution)
+    }
+
+    /// Looks for missed rings where `pose` puts them, if that is elsewhere than they were looked for. Tells
+    /// whether any was found.
+    fn look_again(&mut self, frame: &Frame<'_>, pose: &Pose) -> bool {
+        if self.seen() == self.searches.len() {
+            return false;
+        }
+        windows::searches(&self.settings, pose, false, &mut self.second_searches);
+        let mut found = false;
+        let searches = self.searches.iter().zip(&self.second_searches);
+        for ((first, second), outcome) in searches.zip(&mut self.outcomes) {
+            if outcome.is_err() && windows::apart(first, second) {
+                *outcome = self.tracker.look(frame, second);
+                found |= outcome.is_ok();
+            }
+        }
+        found
+    }
+
+    fn seen(&self) -> usize {
+        rings(&self.outcomes, self.settings.circles.len()).count()
+    }
+
+    /// While rest is sought: shows this frame to the finder, and takes over what it finds.
+    fn find_rest(&mut self, frame: u32, solution: Option<&Solution>, outbox: &mut OutboxProducer<'_>) {
+        let (true, Some(solution)) = (self.seeking_rest, solution) else { return };
+        let seen = rings(&self.outcomes, self.settings.circles.len());
+        let used = seen.filter(|(circle, _)| solution.used >> circle & 1 == 1);
+        let used = used.map(|(circle, ring)| (circle, ring.centre.at));
+        if let Some(found) = self.rest_finder.observe(frame, used, solution) {
+            self.seeking_rest = false;
+            self.recorder.event(outbox, What::RestSet { frames: found.frames });
+            self.recorder.put(outbox, &report::rest(&found));
+            self.rest = Some(found);
+        }
+    }
+
+    /// The motion against rest, with the flags that say how far it can be trusted.
+    fn relate(
+        &self,
+        frame: &Frame<'_>,
+        solution: Result<&Solution, &PoseError>,
+        flags: PoseFlags,
+    ) -> wire::Pose {
+        let rest = self.rest.as_ref().map(|found| &found.pose);
+        let (motion, trust) = report::motion(rest, solution, &self.settings);
+        let mut flags = flags | trust;
+        let used = solution.map_or(0, |solution| solution.used);
+        if solution.is_ok() && used.count_ones() as usize != self.seen() {
+            flags |= PoseFlags::OUTLIERS;
+        }
+        let markers = used.count_ones() as u8;
+        wire::Pose { frame: frame.number(), time_ns: frame.time_ns(), flags, markers, motion }
+    }
+
+    /// Pose and centres of the frame, and what changed with it.
+    fn record(&mut self, pose: &wire::Pose, used: u64, outbox: &mut OutboxProducer<'_>) {
+        self.recorder.put(outbox, &Record::Pose(*pose));
+        let circles = self.settings.circles.len();
+        report::centres(rings(&self.outcomes, circles), used, &mut self.centres);
+        self.recorder.put(outbox, &Record::Markers(self.centres.markers(pose.frame)));
+
+        let solved =
+            !pose.flags.contains(PoseFlags::FEW_MARKERS) && !pose.flags.contains(PoseFlags::NO_SOLUTION);
+        let patience = libm::ceil(self.settings.rate_hz) as u32;
+        let states = self.outcomes.iter().zip(&mut self.watches).take(circles).enumerate();
+        for (circle, (outcome, watch)) in states {
+            let refused = solved && used >> circle & 1 == 0;
+            let state = match outcome {
+                Ok(_) if refused => Err(Refusal::Residual),
+                Ok(_) => Ok(()),
+                Err(refusal) => Err(*refusal),
+            };
+            if let Some(what) = watch.update(circle as u8, pose.frame, state, patience) {
+                self.recorder.event(outbox, what);
+            }
+        }
+        let whites = rings(&self.outcomes, circles).map(|(_, ring)| ring.white);
+        if let Some(what) = self.light.update(whites) {
+            self.recorder.event(outbox, what);
+        }
+    }
+
+    fn announce(&mut self, frame_time_ns: u64, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
+        self.announcer.tick(frame_time_ns);
+        let rest = self.rest.as_ref();
+        self.announcer.step(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
+    }
+
+    fn report_health(
+        &mut self,
+        clock: &impl Clock,
+        vitals: &mut impl Vitals,
+        outbox: &mut OutboxProducer<'_>,
+    ) {
+        let (lost, high_water) = (self.recorder.lost(), self.recorder.high_water());
+        let health = self.pulse.take(clock.now_ns(), vitals.read(), lost, high_water);
+        self.recorder.put(outbox, &Record::Health(health));
+    }
+}
+
+/// The rings seen, with the numbers of their circles.
+fn rings(outcomes: &[Result<Ring, Refusal>], circles: usize) -> impl Iterator<Item = (usize, &Ring)> + Clone {
+    let outcomes = outcomes.iter().take(circles).enumerate();
+    outcomes.filter_map(|(circle, outcome)| Some((circle, outcome.as_ref().ok()?)))
+}

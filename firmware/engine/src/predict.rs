@@ -1,0 +1,76 @@
+//! Where each ring will be in the next frame: the last pose carried on by the last motion, projected.
+
+use gangway_pose::Pose;
+
+/// Frames without a pose over which the last motion is still carried on; then the last place is kept.
+const COASTING_FRAMES: u32 = 3;
+
+/// The last poses, by frame number.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Predictor {
+    last: Pose,
+    /// Frame of the last pose; `None` while that is the one known beforehand.
+    frame: Option<u32>,
+    /// Motion from one frame to the next, camera frame: `R' = turn R`, `t' = t + shift`.
+    motion: Option<Pose>,
+}
+
+impl Predictor {
+    /// Starts from a pose known beforehand.
+    pub(crate) fn from_pose(pose: Pose) -> Self {
+        Self { last: pose, frame: None, motion: None }
+    }
+
+    /// Takes the pose measured in `frame`.
+    pub(crate) fn update(&mut self, frame: u32, pose: Pose) {
+        // Over a gap the motion a frame is unknown; holding still is the better guess.
+        let follows = self.frame.is_some_and(|before| frame.wrapping_sub(before) == 1);
+        self.motion = follows.then(|| Pose {
+            rotation: pose.rotation * self.last.rotation.transpose(),
+            translation: pose.translation - self.last.translation,
+        });
+        self.last = pose;
+        self.frame = Some(frame);
+    }
+
+    /// The pose expected in `frame`.
+    pub(crate) fn predict(&self, frame: u32) -> Pose {
+        let mut pose = self.last;
+        if let (Some(before), Some(motion)) = (self.frame, &self.motion) {
+            for _ in 0..frame.wrapping_sub(before).min(COASTING_FRAMES) {
+                pose.rotation = motion.rotation * pose.rotation;
+                pose.translation += motion.translation;
+            }
+        }
+        pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    fn at(x: f64) -> Pose {
+        Pose { rotation: Matrix3::identity(), translation: Vector3::new(x, 0.0, 1000.0) }
+    }
+
+    #[test]
+    fn an_even_motion_is_carried_on() {
+        let mut predictor = Predictor::from_pose(at(0.0));
+        predictor.update(7, at(1.0));
+        predictor.update(8, at(3.0));
+        assert_eq!(predictor.predict(9), at(5.0));
+        assert_eq!(predictor.predict(10), at(7.0));
+    }
+
+    #[test]
+    fn a_long_gap_does_not_run_away() {
+        let mut predictor = Predictor::from_pose(at(0.0));
+        predictor.update(0, at(0.0));
+        predictor.update(1, at(2.0));
+        assert_eq!(predictor.predict(1000), at(8.0));
+        predictor.update(1000, at(50.0));
+        assert_eq!(predictor.predict(1001), at(50.0), "no motion is derived across the gap");
+    }
+}

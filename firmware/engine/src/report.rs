@@ -1,0 +1,96 @@
+//! From what the frame gave to what goes on the wire.
+
+use gangway_pose::{PoseError, RestPose, Solution, relative_motion};
+use gangway_vision::Ring;
+use gangway_wire::{self as wire, Marker, PoseFlags, Record};
+use nalgebra::{Rotation3, UnitQuaternion};
+
+use crate::Settings;
+use crate::rest::Found;
+
+/// A planar set whose second solution's residual is below this many times the first's could be either.
+const AMBIGUOUS_RATIO: f64 = 2.0;
+
+/// The motion of a solution against rest, and what is to be said about it.
+pub(crate) fn motion(
+    rest: Option<&RestPose>,
+    solution: Result<&Solution, &PoseError>,
+    settings: &Settings,
+) -> (Option<wire::Motion>, PoseFlags) {
+    let mut flags = PoseFlags::default();
+    if rest.is_none() {
+        flags |= PoseFlags::WAITING;
+    }
+    let solution = match solution {
+        Ok(solution) => solution,
+        Err(PoseError::TooFew) => return (None, flags | PoseFlags::FEW_MARKERS),
+        Err(_) => return (None, flags | PoseFlags::NO_SOLUTION),
+    };
+    if solution.alternative.as_ref().is_some_and(|second| second.ratio < AMBIGUOUS_RATIO) {
+        flags |= PoseFlags::AMBIGUOUS;
+    }
+    let Some(rest) = rest else { return (None, flags) };
+    let motion = relative_motion(rest, solution);
+    let (displacement, rotation) = (motion.displacement_mm, motion.rotation_deg);
+    let limits = &settings.limits;
+    let beyond = (0..3).any(|i| {
+        displacement[i] < limits.min_mm[i]
+            || displacement[i] > limits.max_mm[i]
+            || libm::fabs(rotation[i]) > limits.max_deg[i]
+    });
+    if beyond {
+        flags |= PoseFlags::BEYOND_LIMITS;
+    }
+    let motion = wire::Motion {
+        displacement_mm: displacement.map(|mm| mm as f32),
+        rotation_deg: rotation.map(|deg| deg as f32),
+        sigma: core::array::from_fn(|i| libm::sqrt(motion.covariance[(i, i)]) as f32),
+        residual_px: solution.residual_px as f32,
+    };
+    (Some(motion), flags)
+}
+
+/// The record of a rest pose.
+pub(crate) fn rest(found: &Found) -> Record<'static> {
+    let rotation = Rotation3::from_matrix_unchecked(found.pose.pose.rotation);
+    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation);
+    // q and -q are the same rotation: w >= 0 makes it one.
+    let sign = if quaternion.w < 0.0 { -1.0 } else { 1.0 };
+    let mut covariance = [0.0; 21];
+    let upper = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+    for (entry, at) in covariance.iter_mut().zip(upper) {
+        *entry = found.pose.covariance[at] as f32;
+    }
+    Record::Rest(wire::Rest {
+        first_frame: found.first_frame,
+        last_frame: found.last_frame,
+        frames: found.frames,
+        rotation: [quaternion.w, quaternion.i, quaternion.j, quaternion.k].map(|part| sign * part),
+        translation_mm: found.pose.pose.translation.into(),
+        covariance,
+    })
+}
+
+/// The centres of one frame as they go on the wire; `used` has a bit for each circle in the pose.
+pub(crate) fn centres<'r>(
+    rings: impl Iterator<Item = (usize, &'r Ring)>,
+    used: u64,
+    into: &mut wire::Centres,
+) {
+    into.clear();
+    for (circle, ring) in rings {
+        // Circles come by rising number and there are never more than MAX_MARKERS: all are taken.
+        let _ = into.push(circle as u8, &marker(ring), used >> circle & 1 == 1);
+    }
+}
+
+fn marker(ring: &Ring) -> Marker {
+    let [uu, uv, vv] = ring.centre.covariance;
+    let (u, v) = (libm::sqrt(uu), libm::sqrt(vv));
+    let correlation = if u > 0.0 && v > 0.0 { uv / (u * v) } else { 0.0 };
+    Marker {
+        at_px: ring.centre.at.map(|px| px as f32),
+        sigma_px: [u as f32, v as f32],
+        correlation: correlation as f32,
+    }
+}

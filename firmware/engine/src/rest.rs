@@ -1,0 +1,139 @@
+//! Rest, by test and not by assumption: the interval in which no circle leaves its place, and the robust mean
+//! of its poses (thesis 3.4.3; 5.3.2 shows what a poor first frame does to every later one).
+
+use gangway_pose::{MAX_CIRCLES, RestPose, Solution, rest_mean};
+use heapless::Vec;
+
+use crate::RestSettings;
+
+/// Most frames that a rest interval may have.
+pub const MAX_REST_FRAMES: usize = 250;
+
+/// What one circle did in the interval so far.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    least: [f64; 2],
+    greatest: [f64; 2],
+    sum: [[f64; 2]; 2],
+    count: [u16; 2],
+}
+
+impl Path {
+    const EMPTY: Self = Self {
+        least: [f64::INFINITY; 2],
+        greatest: [f64::NEG_INFINITY; 2],
+        sum: [[0.0; 2]; 2],
+        count: [0; 2],
+    };
+
+    fn add(&mut self, at: [f64; 2], half: usize) {
+        for (axis, px) in at.into_iter().enumerate() {
+            self.least[axis] = self.least[axis].min(px);
+            self.greatest[axis] = self.greatest[axis].max(px);
+            self.sum[half][axis] += px;
+        }
+        self.count[half] += 1;
+    }
+
+    /// Half the range, px.
+    fn excursion(&self) -> f64 {
+        let range = |axis: usize| self.greatest[axis] - self.least[axis];
+        0.5 * range(0).max(range(1))
+    }
+
+    /// Mean of the second half minus mean of the first, px.
+    fn drift(&self) -> Option<[f64; 2]> {
+        let [first, second] = self.count;
+        if first == 0 || second == 0 {
+            return None;
+        }
+        let mean = |half: usize, axis: usize| self.sum[half][axis] / f64::from(self.count[half]);
+        Some([mean(1, 0) - mean(0, 0), mean(1, 1) - mean(0, 1)])
+    }
+}
+
+/// A rest interval that was found.
+pub(crate) struct Found {
+    pub(crate) first_frame: u32,
+    pub(crate) last_frame: u32,
+    pub(crate) frames: u16,
+    pub(crate) pose: RestPose,
+}
+
+/// Looks for an interval of rest in the frames that it is shown.
+pub(crate) struct RestFinder {
+    settings: RestSettings,
+    paths: [Path; MAX_CIRCLES],
+    solutions: Vec<Solution, MAX_REST_FRAMES>,
+    first_frame: u32,
+}
+
+impl RestFinder {
+    pub(crate) fn new(settings: RestSettings) -> Self {
+        Self { settings, paths: [Path::EMPTY; MAX_CIRCLES], solutions: Vec::new(), first_frame: 0 }
+    }
+
+    /// Takes one frame's centres and pose; gives the rest pose when this frame completes an interval at rest.
+    ///
+    /// A circle that moves starts the interval anew with this frame, so that rest is found `frames` frames
+    /// after the motion ends.
+    pub(crate) fn observe(
+        &mut self,
+        frame: u32,
+        centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
+        solution: &Solution,
+    ) -> Option<Found> {
+        self.add(frame, centres.clone(), solution);
+        if self.paths.iter().any(|path| path.excursion() > self.settings.excursion_px) {
+            self.clear();
+            self.add(frame, centres, solution);
+        }
+        if self.solutions.len() < self.frames() {
+            return None;
+        }
+        let found = self.at_rest().then(|| rest_mean(&self.solutions).ok()).flatten().map(|pose| Found {
+            first_frame: self.first_frame,
+            last_frame: frame,
+            frames: self.solutions.len() as u16,
+            pose,
+        });
+        self.clear();
+        found
+    }
+
+    fn frames(&self) -> usize {
+        usize::from(self.settings.frames).min(MAX_REST_FRAMES)
+    }
+
+    fn add(&mut self, frame: u32, centres: impl Iterator<Item = (usize, [f64; 2])>, solution: &Solution) {
+        if self.solutions.is_empty() {
+            self.first_frame = frame;
+        }
+        let half = usize::from(self.solutions.len() * 2 >= self.frames());
+        for (circle, at) in centres {
+            if let Some(path) = self.paths.get_mut(circle) {
+                path.add(at, half);
+            }
+        }
+        // Full only if the settings were not validated; the interval then ends here.
+        let _ = self.solutions.push(solution.clone());
+    }
+
+    /// Whether the circles' common drift over the interval is small: slow motion stays below the excursion
+    /// bound of a single circle, but not in the mean of all.
+    fn at_rest(&self) -> bool {
+        let mut sum = [0.0; 2];
+        let mut circles = 0.0;
+        for drift in self.paths.iter().filter_map(Path::drift) {
+            sum = [sum[0] + drift[0], sum[1] + drift[1]];
+            circles += 1.0;
+        }
+        circles > 0.0 && libm::hypot(sum[0], sum[1]) / circles <= self.settings.drift_px
+    }
+
+    /// Starts anew with the next frame.
+    pub(crate) fn clear(&mut self) {
+        self.paths = [Path::EMPTY; MAX_CIRCLES];
+        self.solutions.clear();
+    }
+}

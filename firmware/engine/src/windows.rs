@@ -1,0 +1,86 @@
+//! From poses to search windows: where each ring will be, how large, and how near its next neighbour is.
+
+use gangway_pose::{Centre, MAX_CIRCLES, Observation, Pose, PoseError, project_circle, solve};
+use gangway_vision::Search;
+use heapless::Vec;
+
+use crate::Settings;
+
+/// Standard deviation that a seed is given, px: it was picked by hand.
+const SEED_SIGMA_PX: f64 = 1.0;
+/// A ring further from its prediction than this share of the way to its nearest neighbour could be that one.
+const REACH: f64 = 0.5;
+/// A missed ring is looked for again where the pose puts it if that is at least this far away, px.
+const SECOND_LOOK_PX: f64 = 2.0;
+
+/// The pose that the setup's seeds give.
+pub(crate) fn seed_pose(settings: &Settings) -> Result<Pose, PoseError> {
+    let variance = SEED_SIGMA_PX * SEED_SIGMA_PX;
+    let observations: Vec<Observation, MAX_CIRCLES> = settings
+        .circles
+        .iter()
+        .zip(&settings.seeds)
+        .filter_map(|(circle, seed)| {
+            let centre = Centre { at: (*seed)?, covariance: [variance, 0.0, variance] };
+            Some(Observation { point: circle.point, centre })
+        })
+        .collect();
+    Ok(solve(&observations, &settings.lens, &settings.solver, None)?.pose)
+}
+
+/// One search for every circle, in the setup's order.
+///
+/// With `at_seeds` the windows stand at the seeds themselves where there are some: they were picked in the
+/// picture, the pose from them is only as good as the setup.
+pub(crate) fn searches(
+    settings: &Settings,
+    pose: &Pose,
+    at_seeds: bool,
+    searches: &mut Vec<Search, MAX_CIRCLES>,
+) {
+    searches.clear();
+    for (circle, seed) in settings.circles.iter().zip(&settings.seeds) {
+        let mut search = match project_circle(circle, pose, &settings.lens) {
+            Ok(projected) => Search {
+                at: projected.centre,
+                shape: projected.shape,
+                ratio: circle.outer_mm / circle.inner_mm,
+                bias: projected.bias,
+                reach_px: 0.0,
+                target: circle.target,
+                confident: !at_seeds,
+            },
+            Err(_) => Search { target: circle.target, ..Search::round([f64::NAN; 2], 0.0) },
+        };
+        if let (true, Some(seed)) = (at_seeds, seed) {
+            search.at = *seed;
+        }
+        // As many searches as circles: both are bounded by MAX_CIRCLES.
+        let _ = searches.push(search);
+    }
+    set_reaches(searches);
+}
+
+/// Whether a second look would see anything else than the first.
+pub(crate) fn apart(first: &Search, second: &Search) -> bool {
+    let moved = square(first.at[0] - second.at[0]) + square(first.at[1] - second.at[1]);
+    moved > square(SECOND_LOOK_PX)
+}
+
+/// Half the way to the nearest other circle, for each.
+fn set_reaches(searches: &mut [Search]) {
+    for i in 0..searches.len() {
+        let at = searches[i].at;
+        let nearest = searches
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| *j != i)
+            .map(|(_, other)| square(at[0] - other.at[0]) + square(at[1] - other.at[1]))
+            .fold(f64::INFINITY, f64::min);
+        searches[i].reach_px = REACH * libm::sqrt(nearest);
+    }
+}
+
+fn square(x: f64) -> f64 {
+    x * x
+}
