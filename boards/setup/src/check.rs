@@ -1,0 +1,270 @@
+//! What one value alone cannot show: whether the values of a setup fit one another.
+
+use gangway_pose::MAX_CIRCLES;
+
+use crate::document::Document;
+use crate::geometry::{Vector, axes, distance, dot, norm, off_line, points};
+use crate::parts::{Kind, Parts, Target};
+
+/// Allowed deviation of an axis from unit length, and of two axes from a right angle.
+const AXIS_TOLERANCE: f64 = 1e-3;
+/// Fewest circles that give a pose (thesis 3.3.5).
+const FEWEST_CIRCLES: usize = 4;
+/// Points are on one line if none is further from it than this share of their extent: the pose of anything
+/// narrower drowns in noise.
+const ON_A_LINE: f64 = 0.01;
+/// Two rings cannot show nearer to each other than the smallest ring that can be measured is wide, px.
+const NEAREST_SEEDS_PX: f64 = 6.0;
+
+impl Document<'_> {
+    /// Checks the parts that could be read; what has a mistake already is left in peace.
+    pub(crate) fn check(&mut self, parts: &Parts) {
+        self.check_limits(parts);
+        for (i, target) in parts.targets.iter().enumerate() {
+            self.check_name(&parts.targets, i);
+            let path = format!("target[{i}]");
+            if self.is_clean(&path) {
+                self.check_plate(&path, target);
+                self.check_seeds(&path, target, parts);
+            }
+        }
+        if self.is_clean("target") {
+            self.check_all(parts);
+        }
+    }
+
+    fn is_clean(&self, path: &str) -> bool {
+        !self.mistakes.iter().any(|mistake| {
+            let sentence = mistake.sentence.strip_prefix('[').unwrap_or(&mistake.sentence);
+            sentence.trim_start_matches('[').starts_with(path)
+        })
+    }
+
+    fn check_limits(&mut self, parts: &Parts) {
+        for (i, key) in ["limits.x_mm", "limits.y_mm", "limits.z_mm"].into_iter().enumerate() {
+            let (least, greatest) = (parts.limits.min_mm[i], parts.limits.max_mm[i]);
+            if self.is_clean(key) && (least > 0.0 || greatest < 0.0) {
+                self.at_path(
+                    key,
+                    format!("{key} goes from {least} to {greatest} mm; 0, the rest pose, must be within"),
+                );
+            }
+        }
+    }
+
+    fn check_name(&mut self, targets: &[Target], i: usize) {
+        let name = &targets[i].name;
+        let first = targets[..i].iter().position(|other| other.name == *name && !name.is_empty());
+        if let Some(first) = first {
+            let path = format!("target[{i}].name");
+            self.at_path(
+                &path,
+                format!("{path} is \"{name}\", as target[{first}] is already; no two names may be alike"),
+            );
+        }
+    }
+
+    fn check_plate(&mut self, path: &str, target: &Target) {
+        if target.carbody == 1 {
+            let path = format!("{path}.carbody");
+            self.at_path(
+                &path,
+                format!(
+                    "{path} is 1; targets on the camera's own carbody are not measured yet, it must be 2"
+                ),
+            );
+        }
+        if target.kind == Kind::Led {
+            let path = format!("{path}.kind");
+            self.at_path(
+                &path,
+                format!("{path} is \"led\"; lit targets are not measured yet, it must be \"printed\""),
+            );
+        }
+        for (axis, name) in [(target.u, "u"), (target.v, "v")] {
+            let length = norm(axis);
+            if (length - 1.0).abs() > AXIS_TOLERANCE {
+                let path = format!("{path}.{name}");
+                self.at_path(
+                    &path,
+                    format!("{path} is {length:.4} long; it must be a unit vector, to within 0.001"),
+                );
+            }
+        }
+        let cosine = dot(target.u, target.v);
+        if cosine.abs() > AXIS_TOLERANCE {
+            let from = if self.lines.contains_key(&format!("{path}.v")) { "v" } else { "u" };
+            self.at_path(
+                &format!("{path}.{from}"),
+                format!(
+                    "{path}.u and v are not at right angles: u.v is {cosine:.4}; it must be 0, to \
+                    within 0.001"
+                ),
+            );
+        }
+        let (outer, inner) = (target.outer_diameter_mm, target.inner_diameter_mm);
+        if inner >= outer {
+            let path = format!("{path}.inner_diameter_mm");
+            self.at_path(&path, format!("{path} is {inner}; it must be below outer_diameter_mm, {outer} mm"));
+        }
+        if target.circles_mm.is_empty() {
+            let path = format!("{path}.circles_mm");
+            self.at_path(&path, format!("{path} is empty; it must have at least one pair [u, v]"));
+        }
+        for (i, a) in target.circles_mm.iter().enumerate() {
+            let overlapped = target.circles_mm[..i].iter().position(|b| apart(*a, *b) <= outer);
+            if let Some(k) = overlapped {
+                let apart = apart(*a, target.circles_mm[k]);
+                let path = format!("{path}.circles_mm[{i}]");
+                self.at_path(
+                    &path,
+                    format!(
+                        "{path} overlaps circles_mm[{k}]: their centres are {apart:.1} mm apart; it \
+                        must be more than outer_diameter_mm, {outer} mm"
+                    ),
+                );
+            }
+        }
+    }
+
+    fn check_seeds(&mut self, path: &str, target: &Target, parts: &Parts) {
+        let (seeds, circles) = (target.seeds_px.len(), target.circles_mm.len());
+        if seeds != 0 && seeds != circles {
+            let path = format!("{path}.seeds_px");
+            self.at_path(
+                &path,
+                format!(
+                    "{path} has {seeds} pairs for {circles} circles; it must have one a circle, or \
+                    be left out"
+                ),
+            );
+        }
+        if !self.is_clean("camera") {
+            return;
+        }
+        let (width, height) = (f64::from(parts.camera.width_px), f64::from(parts.camera.height_px));
+        for (i, [u, v]) in target.seeds_px.iter().enumerate() {
+            if !(-0.5..=width - 0.5).contains(u) || !(-0.5..=height - 0.5).contains(v) {
+                let path = format!("{path}.seeds_px[{i}]");
+                self.at_path(
+                    &path,
+                    format!("{path} is [{u}, {v}]; it must be within the picture of {width} x {height} px"),
+                );
+            }
+        }
+    }
+
+    /// What holds over all targets.
+    fn check_all(&mut self, parts: &Parts) {
+        let circles: Vec<Vector> = parts.targets.iter().flat_map(points).collect();
+        if circles.len() > MAX_CIRCLES {
+            self.at(
+                None,
+                format!("has {} circles over all targets; it must be {MAX_CIRCLES} at most", circles.len()),
+            );
+            return;
+        }
+        if circles.len() < FEWEST_CIRCLES {
+            self.at(
+                None,
+                format!(
+                    "has {} circles over all targets; a pose needs at least {FEWEST_CIRCLES}",
+                    circles.len()
+                ),
+            );
+            return;
+        }
+        let fewest = usize::from(parts.solver.min_circles);
+        if fewest > circles.len() && self.is_clean("solver.min_circles") {
+            self.at_path(
+                "solver.min_circles",
+                format!(
+                    "solver.min_circles is {fewest}; it must be {} at most, as there are no more circles",
+                    circles.len()
+                ),
+            );
+        }
+        self.check_plates_apart(parts);
+        if is_line(&circles) {
+            self.at(
+                None,
+                "has all its circles on one line; no pose can be told from them, set one further off it"
+                    .to_owned(),
+            );
+        }
+        let seeds: Vec<Vector> =
+            parts.targets.iter().flat_map(|target| &target.seeds_px).map(|[u, v]| [*u, *v, 0.0]).collect();
+        let needed = format!(
+            "until targets find themselves at least {FEWEST_CIRCLES} circles not on one line need them"
+        );
+        if seeds.is_empty() {
+            self.at(None, format!("has no seeds_px; {needed}"));
+        } else if seeds.len() < FEWEST_CIRCLES {
+            self.at(None, format!("has only {} seeds_px; {needed}", seeds.len()));
+        } else if is_line(&seeds) {
+            self.at(None, format!("has all its seeds_px on one line; {needed}"));
+        }
+        self.check_seeds_apart(parts);
+    }
+
+    /// No circle of one target in the place of another target's.
+    fn check_plates_apart(&mut self, parts: &Parts) {
+        for (i, target) in parts.targets.iter().enumerate() {
+            for (k, other) in parts.targets[..i].iter().enumerate() {
+                let reach = (target.outer_diameter_mm + other.outer_diameter_mm) / 2.0;
+                let facing = dot(axes(target)[2], axes(other)[2]);
+                let others = points(other);
+                // Plates at an angle may come near each other with their edges.
+                let overlaps = points(target)
+                    .iter()
+                    .any(|a| others.iter().any(|b| distance(*a, *b) < reach * facing.abs()));
+                if overlaps {
+                    let (name, other) = (&target.name, &other.name);
+                    self.at_path(
+                        &format!("target[{i}]"),
+                        format!(
+                            "target[{i}] (\"{name}\") has circles in the place of those of \
+                            target[{k}] (\"{other}\"); correct one's origin_mm, u or v"
+                        ),
+                    );
+                }
+            }
+        }
+    }
+
+    /// No two rings in one place of the picture.
+    fn check_seeds_apart(&mut self, parts: &Parts) {
+        let seeds: Vec<(String, [f64; 2])> = parts
+            .targets
+            .iter()
+            .enumerate()
+            .flat_map(|(i, target)| {
+                let named =
+                    move |(k, seed): (usize, &[f64; 2])| (format!("target[{i}].seeds_px[{k}]"), *seed);
+                target.seeds_px.iter().enumerate().map(named)
+            })
+            .collect();
+        for (i, (path, seed)) in seeds.iter().enumerate() {
+            let near = seeds[..i].iter().find(|(_, other)| apart(*seed, *other) < NEAREST_SEEDS_PX);
+            if let Some((other, at)) = near {
+                let apart = apart(*seed, *at);
+                self.at_path(
+                    path,
+                    format!(
+                        "{path} is {apart:.1} px from {other}; two rings are at least \
+                        {NEAREST_SEEDS_PX} px apart"
+                    ),
+                );
+            }
+        }
+    }
+}
+
+fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+fn is_line(points: &[Vector]) -> bool {
+    let (off, extent) = off_line(points);
+    off <= ON_A_LINE * extent
+}

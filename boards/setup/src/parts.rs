@@ -1,0 +1,111 @@
+//! What a setup file says, part by part, as plain numbers: what the reader fills, what a program that writes
+//! a setup (the simulator) starts from.
+
+use crate::slot::Word;
+
+/// All that a setup file says. [`Parts::to_toml`](crate::Parts::to_toml) writes it, `Setup::parse` reads it
+/// back without any difference.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parts {
+    /// Name of the box, 1 to 32 bytes.
+    pub name: String,
+    /// Camera, picture and lens.
+    pub camera: Camera,
+    /// The targets, in the order in which their circles are numbered.
+    pub targets: Vec<Target>,
+    /// The tracker.
+    pub tracker: gangway_vision::Settings,
+    /// The pose solver.
+    pub solver: gangway_pose::Settings,
+    /// Rest.
+    pub rest: gangway_engine::RestSettings,
+    /// Limits of the motion.
+    pub limits: gangway_engine::Limits,
+}
+
+/// Camera, picture and lens (thesis 3.3.1, 4.2.3).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Camera {
+    /// Width of the picture, px.
+    pub width_px: u16,
+    /// Height of the picture, px.
+    pub height_px: u16,
+    /// Frames a second, nominal.
+    pub rate_hz: f64,
+    /// Focal lengths fx, fy, px.
+    pub focal_px: [f64; 2],
+    /// Principal point cx, cy, px; the centre of the top-left pixel is (0, 0).
+    pub principal_px: [f64; 2],
+    /// Skew s, px.
+    pub skew_px: f64,
+    /// k1, k2, p1, p2, k3, in the order and direction of OpenCV.
+    pub distortion: [f64; 5],
+}
+
+/// A plate with circles (thesis 3.2.2).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Its name, 1 to 32 bytes, no two alike.
+    pub name: String,
+    /// The carbody that carries it.
+    pub carbody: u8,
+    /// How its circles show.
+    pub kind: Kind,
+    /// Its origin in its carbody, mm.
+    pub origin_mm: [f64; 3],
+    /// Its u axis in its carbody: to the right as the camera sees it.
+    pub u: [f64; 3],
+    /// Its v axis in its carbody: up as the camera sees it. u x v points towards the camera.
+    pub v: [f64; 3],
+    /// Diameter of the rings' outer edge, mm.
+    pub outer_diameter_mm: f64,
+    /// Diameter of the rings' inner edge, mm.
+    pub inner_diameter_mm: f64,
+    /// Centres of its circles on the target (u, v), mm.
+    pub circles_mm: Vec<[f64; 2]>,
+    /// Where each circle shows at rest, px; one a circle, or none at all.
+    pub seeds_px: Vec<[f64; 2]>,
+}
+
+impl Default for Target {
+    /// Straight across the track, facing the camera; no circles yet.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            carbody: 2,
+            kind: Kind::Printed,
+            origin_mm: [0.0; 3],
+            u: [0.0, -1.0, 0.0],
+            v: [0.0, 0.0, 1.0],
+            outer_diameter_mm: 0.0,
+            inner_diameter_mm: 0.0,
+            circles_mm: Vec::new(),
+            seeds_px: Vec::new(),
+        }
+    }
+}
+
+/// How a target's circles show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Printed black rings on white.
+    #[default]
+    Printed,
+    /// Bright discs or points, lit by the box.
+    Led,
+}
+
+impl Word for Kind {
+    fn words(&self) -> &'static [&'static str] {
+        &["printed", "led"]
+    }
+    fn index(&self) -> usize {
+        match self {
+            Kind::Printed => 0,
+            Kind::Led => 1,
+        }
+    }
+    fn choose(&mut self, index: usize) {
+        *self = if index == 0 { Kind::Printed } else { Kind::Led };
+    }
+}
