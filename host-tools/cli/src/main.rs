@@ -2,6 +2,10 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 used wrongly. Every line on standard error starts with the program's name.
 
+mod decode;
+mod export;
+mod receive;
+mod send;
 mod setup;
 
 use std::fmt;
@@ -22,6 +26,14 @@ struct Cli {
 enum Command {
     /// Check a setup file, or show every setting it results in.
     Setup(setup::Args),
+    /// Receive from one or several boxes into sessions on disk.
+    Receive(receive::Args),
+    /// Show a capture, a session or standard input record by record.
+    Decode(decode::Args),
+    /// Write a session as a table: CSV or Parquet.
+    Export(export::Args),
+    /// Send a command to a box and wait for its answer.
+    Send(send::Args),
 }
 
 /// A mistake in how the program was called, found after clap's own checks: exit code 2.
@@ -39,20 +51,26 @@ impl std::error::Error for Usage {}
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Setup(args) => setup::run(args),
+        Command::Receive(args) => receive::run(args),
+        Command::Decode(args) => decode::run(args),
+        Command::Export(args) => export::run(args),
+        Command::Send(args) => send::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough (`gangway ... | head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            let mut stderr = io::stderr().lock();
-            for line in format!("{error:#}").lines().filter(|line| !line.trim().is_empty()) {
-                // Nobody is left to be told when standard error itself is gone.
-                let _ = writeln!(stderr, "gangway: {line}");
-            }
+            format!("{error:#}").lines().filter(|line| !line.trim().is_empty()).for_each(tell);
             if error.is::<Usage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
+}
+
+/// A line on standard error.
+pub(crate) fn tell(line: &str) {
+    // Nobody is left to be told when standard error itself is gone.
+    let _ = writeln!(io::stderr(), "gangway: {line}");
 }
 
 /// Whether the error is a write to a pipe that nobody reads any more.
