@@ -1,1 +1,3 @@
 //! The firmware on recorded frames.
+
+pub mod source;
