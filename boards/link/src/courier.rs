@@ -46,6 +46,7 @@ pub struct Courier<'q, L> {
     /// The first record of `batch` is on the line in part.
     is_begun: bool,
     connections: u32,
+    is_connected: bool,
     announce: bool,
     /// Bytes that came and are not decoded yet.
     input: Vec<u8>,
@@ -65,6 +66,7 @@ impl<'q, L: Link> Courier<'q, L> {
             link,
             batch: Vec::with_capacity(2 * MAX_DATAGRAM),
             is_begun: false,
+            is_connected: true,
             announce: false,
             input: Vec::new(),
             waiting: None,
@@ -146,6 +148,11 @@ impl<'q, L: Link> Courier<'q, L> {
         self.commands.counts()
     }
 
+    /// Whether somebody was there in the last turn, as far as the line knows.
+    pub fn is_connected(&self) -> bool {
+        self.is_connected
+    }
+
     /// The link.
     pub fn link(&self) -> &L {
         &self.link
@@ -157,8 +164,10 @@ impl<'q, L: Link> Courier<'q, L> {
             self.connections = self.link.connections();
             self.announce = true;
         }
+        self.is_connected = true;
         match outcome {
             Err(error) if error.kind() == LinkErrorKind::NotConnected => {
+                self.is_connected = false;
                 if std::mem::take(&mut self.is_begun) {
                     let end =
                         self.batch.iter().position(|&byte| byte == 0).map_or(self.batch.len(), |at| at + 1);
