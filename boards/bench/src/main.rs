@@ -1,2 +1,192 @@
-//! The firmware on recorded frames.
-fn main() {}
+//! `gangway-bench`: a recording through the box's frame loop, to wherever a box can send.
+
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use clap::Parser;
+use gangway_bench::{Failure, Faults, Pace, Play, Times, measure, run, source};
+use gangway_engine::{Identity, Settings};
+use gangway_link::{Address, Line};
+use gangway_setup::Setup;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// Plays a recording through the frame loop of the box and sends what it measures.
+///
+/// As fast as it goes, nothing is lost: a frame waits until the receiver has taken what came before. With
+/// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that the
+/// loop comes late for are measured late, never left out.
+///
+/// A frame's time is its number over the rate that the recording names, or else the setup's.
+#[derive(Parser)]
+#[command(name = "gangway-bench", version, max_term_width = 100)]
+struct Args {
+    /// The setup of the camera and its targets.
+    #[arg(long, value_name = "FILE")]
+    setup: PathBuf,
+    /// The recording: a Y4M file, a directory of PNG or PGM files (in the order of the numbers in their names),
+    /// any other video through an installed ffmpeg, or - for Y4M on standard input.
+    #[arg(long, value_name = "PATH")]
+    frames: PathBuf,
+    /// Where the records go: tcp://HOST:PORT (listen there), tcp-connect://HOST:PORT, udp://HOST:PORT,
+    /// serial:DEVICE@BAUD (115200 if left out) or file:PATH (appended to).
+    #[arg(long, value_name = "ADDRESS", value_parser = Address::parse, required_unless_present = "measure")]
+    to: Option<Address>,
+    /// Play at the recorded rate instead of as fast as it goes.
+    #[arg(long)]
+    real_time: bool,
+    /// Numbers and times of the frames: a CSV file with the columns frame and time_ns, one row a frame.
+    #[arg(long, value_name = "FILE")]
+    times: Option<PathBuf>,
+    /// Play the recording so many times, with numbers and times running on.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    repeat: u32,
+    /// Play so many frames at most.
+    #[arg(long, value_name = "N")]
+    limit: Option<u64>,
+    /// Serial number of the box.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    box_id: u64,
+    /// Number of the boot [default: this machine's].
+    #[arg(long, value_name = "N")]
+    boot_id: Option<u64>,
+    /// Number of the session [default: the time now, ns].
+    #[arg(long, value_name = "N")]
+    session_id: Option<u64>,
+    /// Give up when nobody took anything for so long [default: wait for ever].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    wait: Option<Duration>,
+    /// Faults, as NAME:RATE,... with rates from 0 to 1. Of the camera, a share of the frames: drop (never
+    /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall). Of the
+    /// link, a share of the records: link-stall (the line takes nothing for a while), link-drop (the connection is
+    /// lost within the record), link-garble (a byte is changed).
+    #[arg(long, value_name = "LIST", default_value = "", hide_default_value = true)]
+    fault: Faults,
+    /// Which frames and records the faults hit: the same seed, the same faults.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Measure the loop alone: frames from memory, records to nowhere.
+    #[arg(long, conflicts_with_all = ["to", "real_time", "times", "fault", "wait"])]
+    measure: bool,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let wrong = || "give a number of seconds from 0 to 1000000".to_owned();
+    let seconds = text.parse().ok().filter(|seconds| (0.0..=1e6).contains(seconds)).ok_or_else(wrong)?;
+    Duration::try_from_secs_f64(seconds).map_err(|_| wrong())
+}
+
+fn main() -> ExitCode {
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(error) if !error.use_stderr() => error.exit(),
+        Err(error) => {
+            let text = error.to_string();
+            say(text.strip_prefix("error: ").unwrap_or(&text));
+            return ExitCode::from(2);
+        }
+    };
+    match play(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            say(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Lines for the user, each with the program's name.
+fn say(text: &str) {
+    let mut stderr = io::stderr().lock();
+    for line in text.lines().filter(|line| !line.trim().is_empty()) {
+        // Nobody is left to be told when standard error itself is gone.
+        let _ = writeln!(stderr, "gangway-bench: {line}");
+    }
+}
+
+/// The closing line. Whoever read our output may have gone.
+fn print(text: &str) {
+    let _ = writeln!(io::stdout().lock(), "{text}");
+}
+
+fn play(args: &Args) -> anyhow::Result<()> {
+    let settings = Setup::read(&args.setup)?.settings();
+    let identity = identity(args);
+    let times = args.times.as_deref().map(Times::read).transpose()?;
+    let frames = source::open(&args.frames)?;
+    if args.measure {
+        let measured = measure(&settings, frames, identity, args.limit, args.repeat)?;
+        print(&measured.to_string());
+        return Ok(());
+    }
+    let play = Play {
+        pace: if args.real_time { Pace::RealTime } else { Pace::AsFast },
+        passes: args.repeat,
+        limit: args.limit,
+        times,
+        faults: args.fault,
+        seed: args.seed,
+        wait: args.wait,
+        disk: match &args.to {
+            Some(Address::File(path)) => path.clone(),
+            _ => PathBuf::from("."),
+        },
+        ..Play::new(identity)
+    };
+    let Some(address) = &args.to else { return Ok(()) };
+    send(&settings, frames, address, &play)
+}
+
+fn send(
+    settings: &Settings,
+    frames: Box<dyn source::FrameSource>,
+    address: &Address,
+    play: &Play,
+) -> anyhow::Result<()> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // The first ends properly, a second one at once.
+        flag::register_conditional_default(signal, Arc::clone(&stop))?;
+        flag::register(signal, Arc::clone(&stop))?;
+    }
+    let line = address.open()?;
+    let line = if play.pace == Pace::AsFast { line.lossless() } else { line };
+    let place = line.to_string();
+    if matches!(line, Line::Server(_)) {
+        say(&format!("listening on {place}"));
+    }
+    match run(settings, frames, line, play, &stop, &say) {
+        Ok(summary) => {
+            let ended = if summary.interrupted { "interrupted: " } else { "" };
+            print(&format!("{ended}{summary}; to {place}"));
+            Ok(())
+        }
+        Err(Failure { error, summary }) => {
+            if summary.frames > 0 {
+                print(&format!("{summary}; to {place}"));
+            }
+            Err(error.into())
+        }
+    }
+}
+
+fn identity(args: &Args) -> Identity {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Identity {
+        box_id: args.box_id,
+        boot_id: args.boot_id.or_else(boot_id).unwrap_or(0),
+        session_id: args.session_id.unwrap_or(now.as_nanos() as u64),
+        firmware: concat!("gangway-bench ", env!("CARGO_PKG_VERSION")),
+    }
+}
+
+/// The first half of the number that Linux gives every boot.
+fn boot_id() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
+    let digits: String = text.chars().filter(char::is_ascii_hexdigit).take(16).collect();
+    u64::from_str_radix(&digits, 16).ok()
+}
