@@ -145,10 +145,10 @@ mod tests {
         let seen = play(ALL, 1);
         let count = |what: fn(&Seen) -> bool| seen.iter().filter(|seen| what(seen)).count() as i64;
         let repeated = seen.windows(2).filter(|pair| pair[0].is_ok() && pair[0] == pair[1]).count() as i64;
-        let delivered = count(&|seen| seen.is_ok()) - repeated;
-        let torn = count(&|seen| *seen == Err(CameraErrorKind::Corrupt));
-        let late = count(&|seen| *seen == Err(CameraErrorKind::Stalled));
-        let dark = count(&|seen| matches!(seen, Ok((_, 0))));
+        let delivered = count(|seen| seen.is_ok()) - repeated;
+        let torn = count(|seen| *seen == Err(CameraErrorKind::Corrupt));
+        let late = count(|seen| *seen == Err(CameraErrorKind::Stalled));
+        let dark = count(|seen| matches!(seen, Ok((_, 0))));
         let dropped = 1_000 - delivered - torn;
         for found in [repeated, torn, late, dark, dropped] {
             // 100 of 1,000 with a standard deviation of 9.5: five of them either way.
