@@ -1,4 +1,7 @@
-//! The camera model of thesis 3.3.1 and 4.2.3: K and the five distortion coefficients.
+//! The camera model of thesis 3.3.1 and 4.2.3: K and the five distortion coefficients, forward with its
+//! derivative and backward by Newton's method.
+
+use nalgebra::{Matrix2x3, Vector3};
 
 /// K and distortion, in the order and direction of OpenCV and the Caltech toolbox: the polynomial takes the
 /// ideal normalised point to the distorted one.
@@ -23,4 +26,186 @@ pub enum LensError {
     NotInvertible,
     /// A coordinate is not a finite number.
     NotFinite,
+}
+
+/// A step of Newton's method below this ends it (normalised units).
+const CONVERGED_STEP: f64 = 1e-12;
+/// Distorting an undistorted point must give the pixel back to this many pixels.
+const ROUND_TRIP_PX: f64 = 5e-10;
+/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not decide.
+const WAY_POINTS: u32 = 32;
+
+/// The distorted point and the derivative of the distortion, which is symmetric.
+#[derive(Clone, Copy)]
+struct Distorted {
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Distorted {
+    fn is_positive_definite(&self) -> bool {
+        self.xx + self.yy > 0.0 && self.xx * self.yy - self.xy * self.xy > 0.0
+    }
+}
+
+/// A pixel with its derivative by the point in camera coordinates.
+#[derive(Clone, Copy)]
+pub(crate) struct Linearised {
+    pub(crate) at: [f64; 2],
+    /// Rows: by X, Y, Z; px/mm.
+    pub(crate) du: [f64; 3],
+    pub(crate) dv: [f64; 3],
+}
+
+impl Lens {
+    /// Whether every number is finite and the focal lengths are positive.
+    pub fn is_valid(&self) -> bool {
+        let finite = self.skew.is_finite()
+            && self.principal.iter().all(|c| c.is_finite())
+            && self.distortion.iter().all(|c| c.is_finite());
+        finite && self.focal.iter().all(|f| f.is_finite() && *f > 0.0)
+    }
+
+    /// The pixel of a point in camera coordinates (mm).
+    pub fn project(&self, point: &Vector3<f64>) -> Result<[f64; 2], LensError> {
+        self.linearise(point.x, point.y, point.z).map(|l| l.at)
+    }
+
+    /// The pixel of a point in camera coordinates (mm) with its derivative by that point, px/mm.
+    pub fn project_with_jacobian(
+        &self,
+        point: &Vector3<f64>,
+    ) -> Result<([f64; 2], Matrix2x3<f64>), LensError> {
+        let l = self.linearise(point.x, point.y, point.z)?;
+        let [a, b, c] = l.du;
+        let [d, e, f] = l.dv;
+        Ok((l.at, Matrix2x3::new(a, b, c, d, e, f)))
+    }
+
+    /// The ideal normalised point `(X/Z, Y/Z)` that is seen at a pixel.
+    ///
+    /// Newton's method, each step shortened until it leads nearer; the answer is distorted again and compared
+    /// with the pixel before it is given.
+    pub fn pixel_to_ray(&self, pixel: [f64; 2]) -> Result<[f64; 2], LensError> {
+        let [u, v] = pixel;
+        let target_y = (v - self.principal[1]) / self.focal[1];
+        let target_x = (u - self.principal[0] - self.skew * target_y) / self.focal[0];
+        if !(target_x.is_finite() && target_y.is_finite()) {
+            return Err(LensError::NotFinite);
+        }
+        let (mut x, mut y) = (target_x, target_y);
+        let mut here = self.distort(x, y);
+        // Beyond the invertible part the axis is the only start that is known to be good.
+        if !here.is_positive_definite() {
+            (x, y) = (0.0, 0.0);
+            here = self.distort(x, y);
+        }
+        let mut error = squared(target_x - here.x, target_y - here.y);
+        for _ in 0..64 {
+            let determinant = here.xx * here.yy - here.xy * here.xy;
+            if !here.is_positive_definite() {
+                return Err(LensError::NotInvertible);
+            }
+            let (ex, ey) = (target_x - here.x, target_y - here.y);
+            let dx = (here.yy * ex - here.xy * ey) / determinant;
+            let dy = (here.xx * ey - here.xy * ex) / determinant;
+            let mut share = 1.0;
+            loop {
+                let next = self.distort(x + share * dx, y + share * dy);
+                let next_error = squared(target_x - next.x, target_y - next.y);
+                if next.is_positive_definite() && next_error <= error {
+                    (x, y) = (x + share * dx, y + share * dy);
+                    (here, error) = (next, next_error);
+                    break;
+                }
+                share *= 0.5;
+                if share < 1e-3 {
+                    break;
+                }
+            }
+            if share < 1e-3 || squared(dx, dy) < CONVERGED_STEP * CONVERGED_STEP {
+                break;
+            }
+        }
+        let focal = self.focal[0].max(self.focal[1]);
+        let tolerance = ROUND_TRIP_PX / focal;
+        // NaN fails the comparison and is refused with the rest.
+        if error <= tolerance * tolerance && self.is_invertible(x, y, &here) {
+            Ok([x, y])
+        } else {
+            Err(LensError::NotInvertible)
+        }
+    }
+
+    /// The pixel of a camera point and its derivative, on plain numbers: the inner loop of the refinement.
+    #[inline(always)]
+    pub(crate) fn linearise(&self, px: f64, py: f64, pz: f64) -> Result<Linearised, LensError> {
+        if !(px.is_finite() && py.is_finite() && pz.is_finite()) {
+            return Err(LensError::NotFinite);
+        }
+        if pz <= 0.0 {
+            return Err(LensError::Behind);
+        }
+        let w = 1.0 / pz;
+        let (x, y) = (px * w, py * w);
+        let d = self.distort(x, y);
+        if !self.is_invertible(x, y, &d) {
+            return Err(LensError::NotInvertible);
+        }
+        let [fx, fy] = self.focal;
+        let ux = fx * d.xx + self.skew * d.xy;
+        let uy = fx * d.xy + self.skew * d.yy;
+        let vx = fy * d.xy;
+        let vy = fy * d.yy;
+        Ok(Linearised {
+            at: [fx * d.x + self.skew * d.y + self.principal[0], fy * d.y + self.principal[1]],
+            du: [ux * w, uy * w, -(ux * x + uy * y) * w],
+            dv: [vx * w, vy * w, -(vx * x + vy * y) * w],
+        })
+    }
+
+    #[inline(always)]
+    fn distort(&self, x: f64, y: f64) -> Distorted {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let (x2, y2, xy) = (x * x, y * y, x * y);
+        let r2 = x2 + y2;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        // Twice the derivative of `radial` by r2.
+        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3)));
+        Distorted {
+            x: x * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * x2),
+            y: y * radial + p1 * (r2 + 2.0 * y2) + 2.0 * p2 * xy,
+            xx: radial + slope * x2 + 2.0 * p1 * y + 6.0 * p2 * x,
+            xy: slope * xy + 2.0 * (p1 * x + p2 * y),
+            yy: radial + slope * y2 + 6.0 * p1 * y + 2.0 * p2 * x,
+        }
+    }
+
+    /// Whether the distortion is invertible all the way from the axis to the point. Its derivative is symmetric,
+    /// so it is one-to-one wherever that is positive definite.
+    #[inline(always)]
+    fn is_invertible(&self, x: f64, y: f64, at: &Distorted) -> bool {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let r2 = x * x + y * y;
+        // The smaller eigenvalue is above this, here and everywhere nearer to the axis (r <= (1 + r^2) / 2).
+        let bound = 1.0
+            - r2 * (3.0 * k1.abs() + r2 * (5.0 * k2.abs() + r2 * (7.0 * k3.abs())))
+            - 3.0 * (p1.abs() + p2.abs()) * (1.0 + r2);
+        bound > 0.0 || (at.is_positive_definite() && self.way_is_invertible(x, y))
+    }
+
+    #[cold]
+    fn way_is_invertible(&self, x: f64, y: f64) -> bool {
+        (1..WAY_POINTS).all(|i| {
+            let share = f64::from(i) / f64::from(WAY_POINTS);
+            self.distort(share * x, share * y).is_positive_definite()
+        })
+    }
+}
+
+fn squared(x: f64, y: f64) -> f64 {
+    x * x + y * y
 }

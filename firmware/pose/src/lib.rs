@@ -1,14 +1,44 @@
 //! From circle centres to the pose of a carbody, with covariance.
+//!
+//! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
+//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` (what
+//! does not fit), `ambiguity` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
+//! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "sums over a matrix read best with the indices of the formula"
+)]
 
+mod ambiguity;
+mod circle;
+mod dlt;
+mod eigen;
+mod epnp;
+mod error;
 mod geometry;
+mod homography;
 mod lens;
+mod linear;
+mod motion;
+mod normal;
+mod problem;
+mod refine;
+mod rest;
+mod robust;
 mod settings;
+mod solve;
 
-pub use geometry::{Centre, Circle, Pose};
+pub use ambiguity::Alternative;
+pub use circle::{Projected, project_circle};
+pub use error::PoseError;
+pub use geometry::{Centre, Circle, Observation, Pose};
 pub use lens::{Lens, LensError};
+pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
+pub use rest::{MAX_REST_POSES, rest_mean};
 pub use settings::{Method, Settings};
+pub use solve::{Solution, solve};
 
 /// Most circles that one setup may have, over all its targets.
 pub const MAX_CIRCLES: usize = 64;

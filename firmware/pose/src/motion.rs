@@ -1,0 +1,113 @@
+//! Relative motion of the carbodies against the rest pose (thesis 3.4.3, equation 3.22), its angles and its
+//! covariance.
+
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+use crate::Solution;
+use crate::geometry::{Pose, skew};
+
+/// Degrees of one radian.
+const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+
+/// The rest pose `[R0 | t0]`, both carbodies aligned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestPose {
+    /// The pose.
+    pub pose: Pose,
+    /// Its covariance, as in [`Solution::covariance`].
+    pub covariance: Matrix6<f64>,
+}
+
+impl RestPose {
+    /// Covariance of (x, y, z, roll, pitch, yaw) of this pose in its own frame; mm and degrees.
+    pub fn covariance_in_rest_frame(&self) -> Matrix6<f64> {
+        let turn = self.pose.rotation.transpose();
+        let jacobian = blocks(&turn, &Matrix3::zeros(), &(turn * DEGREES));
+        jacobian * self.covariance * jacobian.transpose()
+    }
+}
+
+/// Motion of `CB_02` in the rest frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// x, y, z, mm.
+    pub displacement_mm: [f64; 3],
+    /// Roll, pitch, yaw, degrees.
+    pub rotation_deg: [f64; 3],
+    /// Covariance of (x, y, z, roll, pitch, yaw), mm and degrees, the rest pose's own included.
+    pub covariance: Matrix6<f64>,
+}
+
+/// Equation 3.22: `dR = R0^T R`, `d = R0^T (t - t0)`, with the covariance of both poses carried through the
+/// derivative of these equations and of the angles.
+pub fn relative_motion(rest: &RestPose, solution: &Solution) -> Motion {
+    let turn = rest.pose.rotation.transpose();
+    let shift = solution.pose.translation - rest.pose.translation;
+    let displacement = turn * shift;
+    let [roll, pitch, yaw] = angles(&(turn * solution.pose.rotation));
+    // R' = Exp(w) R makes dR' = Exp(R0^T w) dR; R0' = Exp(w0) R0 makes dR' = Exp(-R0^T w0) dR.
+    let by_turn = angle_rates(pitch, yaw) * turn * DEGREES;
+    let of_pose = blocks(&turn, &Matrix3::zeros(), &by_turn);
+    let of_rest = blocks(&-turn, &(turn * skew(&shift)), &-by_turn);
+    let covariance =
+        of_pose * solution.covariance * of_pose.transpose() + of_rest * rest.covariance * of_rest.transpose();
+    Motion {
+        displacement_mm: displacement.into(),
+        rotation_deg: [roll * DEGREES, pitch * DEGREES, yaw * DEGREES],
+        covariance,
+    }
+}
+
+/// Roll, pitch, yaw (radians) of `Rz(yaw) Ry(pitch) Rx(roll)`.
+pub fn angles(rotation: &Matrix3<f64>) -> [f64; 3] {
+    let r = rotation;
+    let yaw = libm::atan2(r.m21, r.m11);
+    let (sine, cosine) = (libm::sin(yaw), libm::cos(yaw));
+    let pitch = libm::atan2(-r.m31, cosine * r.m11 + sine * r.m21);
+    let roll = libm::atan2(sine * r.m13 - cosine * r.m23, -sine * r.m12 + cosine * r.m22);
+    [roll, pitch, yaw]
+}
+
+/// `Rz(yaw) Ry(pitch) Rx(roll)`; radians.
+pub fn rotation(roll: f64, pitch: f64, yaw: f64) -> Matrix3<f64> {
+    let (sr, cr) = (libm::sin(roll), libm::cos(roll));
+    let (sp, cp) = (libm::sin(pitch), libm::cos(pitch));
+    let (sy, cy) = (libm::sin(yaw), libm::cos(yaw));
+    Matrix3::new(
+        cy * cp,
+        cy * sp * sr - sy * cr,
+        cy * sp * cr + sy * sr,
+        sy * cp,
+        sy * sp * sr + cy * cr,
+        sy * sp * cr - cy * sr,
+        -sp,
+        cp * sr,
+        cp * cr,
+    )
+}
+
+/// Derivative of (roll, pitch, yaw) by a left rotation vector of `Rz Ry Rx`.
+fn angle_rates(pitch: f64, yaw: f64) -> Matrix3<f64> {
+    let (sy, cy) = (libm::sin(yaw), libm::cos(yaw));
+    let (sp, cp) = (libm::sin(pitch), libm::cos(pitch));
+    Matrix3::new(cy / cp, sy / cp, 0.0, -sy, cy, 0.0, cy * sp / cp, sy * sp / cp, 1.0)
+}
+
+/// `[[a, b], [0, d]]`.
+fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut whole = Matrix6::zeros();
+    whole.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
+    whole.fixed_view_mut::<3, 3>(0, 3).copy_from(b);
+    whole.fixed_view_mut::<3, 3>(3, 3).copy_from(d);
+    whole
+}
+
+/// Displacement (mm) and angles (degrees) as the pose that they make from a rest pose: the inverse of
+/// [`relative_motion`].
+pub fn moved(rest: &Pose, displacement_mm: [f64; 3], rotation_deg: [f64; 3]) -> Pose {
+    let [roll, pitch, yaw] = rotation_deg.map(|a| a / DEGREES);
+    Pose {
+        rotation: rest.rotation * rotation(roll, pitch, yaw),
+        translation: rest.translation + rest.rotation * Vector3::from(displacement_mm),
+    }
+}
