@@ -2,9 +2,23 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
+mod bits;
+mod candidate;
+mod centre;
+mod components;
+mod consensus;
+mod lanes;
+mod loader;
+mod patch;
 mod refusal;
 mod search;
 mod settings;
+#[cfg(test)]
+mod synthetic;
+mod threshold;
 mod tracker;
 
 pub use refusal::Refusal;

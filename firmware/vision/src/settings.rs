@@ -15,8 +15,8 @@ pub struct Settings {
     pub max_centroid_distance_px: f64,
     /// Allowed relative deviation of the ring's area from the expected one; 0.05 to 0.8, default 0.35.
     pub area_tolerance: f64,
-    /// Allowed relative deviation of filled:inner area from the square of outer:inner diameter; 0.05 to 0.8,
-    /// default 0.4.
+    /// How far filled:inner area may be above or below the square of outer:inner diameter, as a factor less one;
+    /// 0.05 to 2, default 1: motion within the exposure closes the inner disc.
     pub ratio_tolerance: f64,
 }
 
@@ -29,7 +29,7 @@ impl Default for Settings {
             min_contrast: 0.03,
             max_centroid_distance_px: 2.0,
             area_tolerance: 0.35,
-            ratio_tolerance: 0.4,
+            ratio_tolerance: 1.0,
         }
     }
 }

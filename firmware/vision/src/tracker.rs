@@ -1,18 +1,44 @@
 //! The tracker of thesis 3.2.3 and 3.2.5 over all circles of a frame.
 
+use core::f64::consts::PI;
+
 use gangway_device::Frame;
+use gangway_pose::MAX_CIRCLES;
 
-use crate::{Refusal, Ring, Search, Settings};
+use crate::bits::Bits;
+use crate::candidate::{self, Miss};
+use crate::centre;
+use crate::components::Components;
+use crate::loader::{Plane, Rect, full_scale};
+use crate::patch::Patch;
+use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
+use crate::{consensus, threshold};
 
-/// The tracker with its working memory; made once and kept.
+/// Rings thinner than this are not opened, px: the disk of three pixels would break them.
+const MIN_OPENED_PX: f64 = 4.0;
+
+/// A window moved by less than this share of a diameter shows the same.
+const NEW_WINDOW: f64 = 0.1;
+
+/// The tracker with its working memory, about 500 KiB; made once and kept.
 pub struct Tracker {
     settings: Settings,
+    plane: Plane,
+    bits: Bits,
+    components: Components,
+    patch: Patch,
 }
 
 impl Tracker {
     /// A tracker with these settings.
     pub const fn new(settings: Settings) -> Self {
-        Self { settings }
+        Self {
+            settings,
+            plane: Plane::new(),
+            bits: Bits::new(),
+            components: Components::new(),
+            patch: Patch::new(),
+        }
     }
 
     /// The settings it was made with.
@@ -20,16 +46,106 @@ impl Tracker {
         &self.settings
     }
 
-    /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Searches beyond the length of
-    /// `rings` are left out.
+    /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Only the first `MAX_CIRCLES` searches
+    /// are answered, and no more than `rings` has room for.
+    ///
+    /// A ring that its window cuts or does not show is looked for again, in a window moved to where the cut piece
+    /// says and then by as much as the other rings of its target have moved.
     pub fn track(&mut self, frame: &Frame, searches: &[Search], rings: &mut [Result<Ring, Refusal>]) {
-        for (search, ring) in searches.iter().zip(rings.iter_mut()) {
-            *ring = self.look(frame, search);
+        let mut cuts: [Option<[f64; 2]>; MAX_CIRCLES] = [None; MAX_CIRCLES];
+        let count = searches.len().min(rings.len()).min(MAX_CIRCLES);
+        let searches = searches.get(..count).unwrap_or_default();
+        let rings = rings.get_mut(..count).unwrap_or_default();
+        for ((search, ring), cut) in searches.iter().zip(rings.iter_mut()).zip(&mut cuts) {
+            *ring = self.look_at(frame, search, search.at).map_err(|miss| {
+                *cut = miss.cut_at;
+                miss.refusal
+            });
+        }
+        consensus::refuse_neighbours(searches, rings);
+        if rings.iter().all(Result::is_ok) {
+            return;
+        }
+        for ((search, ring), cut) in searches.iter().zip(rings.iter_mut()).zip(&cuts) {
+            if let Some(cut) = *cut {
+                self.look_again(frame, search, ring, cut);
+            }
+        }
+        consensus::refuse_neighbours(searches, rings);
+        for i in 0..count {
+            let (Some(search), Some(Err(_))) = (searches.get(i), rings.get(i)) else { continue };
+            let shift = consensus::shift(searches, rings, &cuts, search.target);
+            let moved = [search.at[0] + shift[0], search.at[1] + shift[1]];
+            if let Some(ring) = rings.get_mut(i) {
+                self.look_again(frame, search, ring, moved);
+            }
+        }
+        consensus::refuse_neighbours(searches, rings);
+    }
+
+    /// Looks for a ring that was not found in a window about `at` as well, if that shows anything new.
+    fn look_again(&mut self, frame: &Frame, search: &Search, ring: &mut Result<Ring, Refusal>, at: [f64; 2]) {
+        let worthwhile =
+            libm::hypot(at[0] - search.at[0], at[1] - search.at[1]) > NEW_WINDOW * search.diameter_px();
+        // Dark, glare or a whole ring of another kind stay what they are in a moved window.
+        let lost = matches!(
+            ring,
+            Err(Refusal::CutByWindow | Refusal::NotFound | Refusal::OutsidePicture | Refusal::Neighbour)
+        );
+        if !(lost && worthwhile) {
+            return;
+        }
+        match self.look_at(frame, search, at) {
+            Ok(found) => *ring = Ok(found),
+            // What the second window shows of a ring says more than that the first one showed nothing.
+            Err(miss) if miss.refusal != Refusal::NotFound => *ring = Err(miss.refusal),
+            Err(_) => {}
         }
     }
 
     /// Looks for one ring in its window, once.
-    pub fn look(&mut self, _frame: &Frame, _search: &Search) -> Result<Ring, Refusal> {
-        Err(Refusal::NotFound)
+    pub fn look(&mut self, frame: &Frame, search: &Search) -> Result<Ring, Refusal> {
+        self.look_at(frame, search, search.at).map_err(|miss| miss.refusal)
+    }
+
+    /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
+    fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<Ring, Miss> {
+        let refused = |refusal| Miss { refusal, cut_at: None };
+        let diameter = search.diameter_px();
+        let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);
+        let half = 0.5 * (side - 1.0);
+        let (low, high) = ([at[0] - half, at[1] - half], [at[0] + half, at[1] + half]);
+        let window = Rect::clipped(frame, low, high).ok_or(refused(Refusal::OutsidePicture))?;
+        if (window.width.min(window.height) as f64) < diameter {
+            return Err(refused(Refusal::OutsidePicture));
+        }
+
+        self.plane.load(frame, window);
+        let filled = PI * diameter * diameter / 4.0;
+        let ring = filled * (1.0 - 1.0 / (search.ratio * search.ratio));
+        let levels = threshold::levels(&self.plane, ring / (window.width * window.height) as f64);
+        if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
+            return Err(refused(Refusal::LowContrast));
+        }
+        self.bits.pack(&self.plane, levels.threshold());
+        if self.settings.median {
+            self.bits.median();
+        }
+        if self.settings.opening && 0.5 * diameter * (1.0 - 1.0 / search.ratio) >= MIN_OPENED_PX {
+            self.bits.open();
+        }
+        self.components.find(&self.bits).map_err(|_| refused(Refusal::NotFound))?;
+
+        let origin = [f64::from(window.x), f64::from(window.y)];
+        let predicted = [at[0] - origin[0], at[1] - origin[1]];
+        let size = (window.width, window.height);
+        let candidate =
+            candidate::find(&self.components, size, search, predicted, &self.settings).map_err(|miss| {
+                Miss { cut_at: miss.cut_at.map(|cut| [cut[0] + origin[0], cut[1] + origin[1]]), ..miss }
+            })?;
+        let scale = f64::from(full_scale(frame)) / 255.0;
+        let levels = (levels.dark * scale, levels.bright * scale);
+        centre::measure(frame, &mut self.patch, window, &candidate, levels, search, &self.settings)
+            .map_err(refused)
     }
 }

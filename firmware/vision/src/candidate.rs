@@ -1,0 +1,164 @@
+//! Which components are a ring (thesis 3.2.5, the criteria of a CCC candidate): a dark and a bright one, the bright
+//! within the dark, centroids together, size, area ratio; and an outline that is the expected ellipse.
+
+use core::f64::consts::PI;
+
+use crate::components::{Components, OUTSIDE, Part};
+use crate::{Refusal, Search, Settings};
+
+/// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels has
+/// 0.99 or more from 12 px on, one with a tenth of its diameter cut off 0.985 and a smaller ring with it.
+const MIN_ELLIPTICITY: f64 = 0.975;
+
+/// Largest relative difference of the outline's second moments, brought to equal area, from the predicted ones.
+const SHAPE_TOLERANCE: f64 = 0.25;
+
+/// Largest stretch of a cut ring's visible part over the predicted one.
+const EVIDENCE_STRETCH: f64 = 1.2;
+
+/// A dark and a bright component that are a ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Candidate {
+    /// Centroid of the filled ring in the window, px.
+    pub(crate) centre: [f64; 2],
+    /// Second central moments (uu, uv, vv) of the filled ring, px^2.
+    pub(crate) shape: [f64; 3],
+    /// Radius of the circle that has the area of the filled ring, px.
+    pub(crate) outer: f64,
+    /// Radius of the circle that has the area of the bright component, px.
+    pub(crate) inner: f64,
+}
+
+/// What a window without a whole ring still tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Miss {
+    pub(crate) refusal: Refusal,
+    /// Where in the window the centre of a ring lies that the window's edge cuts, px.
+    pub(crate) cut_at: Option<[f64; 2]>,
+}
+
+/// The candidate nearest to `predicted` (in the window), or why there is none.
+pub(crate) fn find(
+    components: &Components,
+    (width, height): (usize, usize),
+    search: &Search,
+    predicted: [f64; 2],
+    settings: &Settings,
+) -> Result<Candidate, Miss> {
+    let expected = PI * search.diameter_px() * search.diameter_px() / 4.0;
+    let ratio = search.ratio * search.ratio;
+    let mut best: Option<(f64, Candidate)> = None;
+    let mut refusal = Refusal::NotFound;
+    for (bright_number, bright) in components.bright.parts() {
+        // Nothing that cannot fill a ring of the expected size is worth comparing.
+        let area = f64::from(bright.area);
+        if bright_number == OUTSIDE || area * ratio * (1.0 + settings.ratio_tolerance) < 0.5 * expected {
+            continue;
+        }
+        for (dark_number, dark) in components.dark.parts() {
+            let apart = distance(dark.centroid(), bright.centroid());
+            if dark.touches_edge([width, height])
+                || !dark.encloses(bright)
+                || apart > settings.max_centroid_distance_px
+            {
+                continue;
+            }
+            // From here on there is something like a ring.
+            let filled = area + f64::from(dark.area);
+            let most = 1.0 + settings.ratio_tolerance;
+            let closed = filled / (area * ratio);
+            if (filled / expected - 1.0).abs() > settings.area_tolerance
+                || closed > most
+                || closed * most < 1.0
+            {
+                refusal = Refusal::Outline;
+                continue;
+            }
+            let share = area / filled;
+            let centre = mix(dark.centroid(), bright.centroid(), share);
+            let dark_sums = components.dark.second_moments(dark_number, dark, centre);
+            let bright_sums = components.bright.second_moments(bright_number, bright, centre);
+            let shape = core::array::from_fn(|i| (dark_sums[i] + bright_sums[i]) / filled);
+            if !is_ellipse(shape, filled, &search.shape) {
+                refusal = Refusal::Outline;
+                continue;
+            }
+            let candidate =
+                Candidate { centre, shape, outer: libm::sqrt(filled / PI), inner: libm::sqrt(area / PI) };
+            let off = distance(centre, predicted);
+            if best.is_none_or(|(least, _)| off < least) {
+                best = Some((off, candidate));
+            }
+        }
+    }
+    match best {
+        Some((_, candidate)) => Ok(candidate),
+        None => {
+            let cut_at = evidence(components, (width, height), search);
+            if refusal == Refusal::NotFound && cut_at.is_some() {
+                refusal = Refusal::CutByWindow;
+            }
+            Err(Miss { refusal, cut_at })
+        }
+    }
+}
+
+/// Whether a region of `area` with these second moments is an ellipse, and the predicted one but for its size.
+fn is_ellipse(shape: [f64; 3], area: f64, predicted: &[f64; 3]) -> bool {
+    let determinant = |m: &[f64; 3]| m[0] * m[2] - m[1] * m[1];
+    let (own, other) = (determinant(&shape), determinant(predicted));
+    // Written so that a NaN is refused too.
+    if !(own > 0.0 && other > 0.0) {
+        return false;
+    }
+    // The area of an ellipse is 4 pi sqrt(det M); of all regions with these moments it has the largest. Pixels count
+    // with their centres, so small ellipses scatter about 1.
+    let ellipticity = area / (4.0 * PI * libm::sqrt(own));
+    let scale = libm::sqrt(other / own);
+    let mean = 0.5 * (predicted[0] + predicted[2]);
+    let off = (0..3).fold(0.0, |most: f64, i| most.max((shape[i] * scale - predicted[i]).abs()));
+    (MIN_ELLIPTICITY..=1.0 / MIN_ELLIPTICITY).contains(&ellipticity) && off <= SHAPE_TOLERANCE * mean
+}
+
+/// Centre of the ring of which the largest plausible piece touches the window's edge.
+fn evidence(components: &Components, (width, height): (usize, usize), search: &Search) -> Option<[f64; 2]> {
+    let size = [width, height];
+    // Half the predicted ellipse's extent along u and v.
+    let half = [2.0 * libm::sqrt(search.shape[0].max(0.0)), 2.0 * libm::sqrt(search.shape[2].max(0.0))];
+    let ring = PI * half[0] * half[1] * (1.0 - 1.0 / (search.ratio * search.ratio));
+    let mut best: Option<(u32, [f64; 2])> = None;
+    for (_, part) in components.dark.parts() {
+        let cut = |i: usize| part.low[i] == 0 || part.high[i] as usize + 1 == size[i];
+        let fits = |i: usize| {
+            let extent = f64::from(part.high[i] - part.low[i]) + 1.0;
+            extent < 2.0 * EVIDENCE_STRETCH * half[i] && extent > if cut(i) { 0.35 } else { 1.3 } * half[i]
+        };
+        if !(cut(0) || cut(1)) || !(fits(0) && fits(1)) || f64::from(part.area) > EVIDENCE_STRETCH * ring {
+            continue;
+        }
+        let centre = core::array::from_fn(|i| centre_of_cut(part, i, size[i], half[i]));
+        if best.is_none_or(|(area, _)| part.area > area) {
+            best = Some((part.area, centre));
+        }
+    }
+    best.map(|(_, centre)| centre)
+}
+
+/// Where the centre is along axis `i` of a ring whose visible part is `part`.
+fn centre_of_cut(part: &Part, i: usize, size: usize, half: f64) -> f64 {
+    let (low, high) = (f64::from(part.low[i]), f64::from(part.high[i]));
+    match (part.low[i] == 0, part.high[i] as usize + 1 == size) {
+        (true, false) => high + 0.5 - half,
+        (false, true) => low - 0.5 + half,
+        _ => 0.5 * (low + high),
+    }
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    libm::hypot(a[0] - b[0], a[1] - b[1])
+}
+
+/// `a` and `b` weighted 1 - share and share.
+fn mix(a: [f64; 2], b: [f64; 2], share: f64) -> [f64; 2] {
+    [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+}

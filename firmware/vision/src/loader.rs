@@ -1,0 +1,155 @@
+//! From the camera's bytes to the tracker's own memory: the only code that knows sample layouts.
+//!
+//! Detection works on the top 8 bits of a window, the sub-pixel step on all bits of the ring's surroundings.
+
+use gangway_device::{Frame, Layout};
+
+use crate::MAX_SIDE;
+
+/// A rectangle of the picture that lies wholly within it, at most `MAX_SIDE` either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Rect {
+    pub(crate) x: u16,
+    pub(crate) y: u16,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+}
+
+impl Rect {
+    /// The part of the picture from `low` up to `high` (both included, px); `None` where that is empty, larger
+    /// than `MAX_SIDE` or not a number.
+    pub(crate) fn clipped(frame: &Frame, low: [f64; 2], high: [f64; 2]) -> Option<Self> {
+        let (x, width) = clip(low[0], high[0], frame.width())?;
+        let (y, height) = clip(low[1], high[1], frame.height())?;
+        Some(Self { x, y, width, height })
+    }
+}
+
+/// First sample and number of samples of `low..=high` within `0..size`.
+fn clip(low: f64, high: f64, size: u16) -> Option<(u16, usize)> {
+    // Written so that a NaN is refused too.
+    if !(low <= high && high >= 0.0 && low <= f64::from(size)) {
+        return None;
+    }
+    let first = libm::round(low).max(0.0) as u16;
+    let last = libm::round(high).min(f64::from(size) - 1.0) as u16;
+    let count = (last as usize + 1).checked_sub(first as usize)?;
+    (1..=MAX_SIDE).contains(&count).then_some((first, count))
+}
+
+/// A window of 8-bit samples.
+pub(crate) struct Plane {
+    rows: [[u8; MAX_SIDE]; MAX_SIDE],
+    width: usize,
+    height: usize,
+}
+
+impl Plane {
+    pub(crate) const fn new() -> Self {
+        Self { rows: [[0; MAX_SIDE]; MAX_SIDE], width: 0, height: 0 }
+    }
+
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
+    pub(crate) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The rows of the window; bytes beyond `width` mean nothing.
+    pub(crate) fn rows(&self) -> &[[u8; MAX_SIDE]] {
+        self.rows.get(..self.height).unwrap_or_default()
+    }
+
+    /// Takes the top 8 bits of `rect`.
+    pub(crate) fn load(&mut self, frame: &Frame, rect: Rect) {
+        self.width = rect.width.min(MAX_SIDE);
+        self.height = rect.height.min(MAX_SIDE);
+        for (row, y) in self.rows.iter_mut().take(self.height).zip(rect.y..) {
+            let Some(into) = row.get_mut(..self.width) else { continue };
+            match samples(frame, rect.x, y, self.width) {
+                Samples::Byte(bytes) => into.copy_from_slice(bytes),
+                Samples::Spread(bytes, step) => {
+                    into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = *from)
+                }
+                Samples::Word(bytes, bits) => {
+                    let shift = bits.saturating_sub(8).min(8);
+                    for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
+                        // Stray bits above the significant ones would wrap round; they count as white.
+                        *to = (u16::from_le_bytes([from[0], from[1]]) >> shift).min(255) as u8;
+                    }
+                }
+                Samples::None => into.fill(0),
+            }
+        }
+    }
+
+    /// A window made by hand.
+    #[cfg(test)]
+    pub(crate) fn from_fn(
+        width: usize,
+        height: usize,
+        at: impl Fn(usize, usize) -> u8,
+    ) -> std::boxed::Box<Self> {
+        let mut plane = std::boxed::Box::new(Self::new());
+        (plane.width, plane.height) = (width, height);
+        for y in 0..height {
+            for x in 0..width {
+                plane.rows[y][x] = at(x, y);
+            }
+        }
+        plane
+    }
+}
+
+/// Takes row `y` of the picture from column `x` on at full depth, as many samples as `into` has.
+#[inline]
+pub(crate) fn load_row(frame: &Frame, x: u16, y: u16, into: &mut [f32]) {
+    match samples(frame, x, y, into.len()) {
+        Samples::Byte(bytes) => into.iter_mut().zip(bytes).for_each(|(to, from)| *to = f32::from(*from)),
+        Samples::Spread(bytes, step) => {
+            into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = f32::from(*from))
+        }
+        Samples::Word(bytes, _) => {
+            for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
+                *to = f32::from(u16::from_le_bytes([from[0], from[1]]));
+            }
+        }
+        Samples::None => into.fill(0.0),
+    }
+}
+
+/// The value of a saturated sample.
+pub(crate) fn full_scale(frame: &Frame) -> f32 {
+    ((1u32 << frame.layout().bits().min(16)) - 1) as f32
+}
+
+/// The bytes that hold some samples of a row, and how they lie there.
+enum Samples<'a> {
+    Byte(&'a [u8]),
+    Spread(&'a [u8], usize),
+    Word(&'a [u8], u8),
+    None,
+}
+
+/// `count` samples from column `x` of row `y`.
+#[inline]
+fn samples<'a>(frame: &Frame<'a>, x: u16, y: u16, count: usize) -> Samples<'a> {
+    let Some(row) = frame.row(y) else { return Samples::None };
+    let x = x as usize;
+    match frame.layout() {
+        Layout::Byte { step: 1, offset } => {
+            row.get(x + offset as usize..x + offset as usize + count).map_or(Samples::None, Samples::Byte)
+        }
+        Layout::Byte { step, offset } => {
+            let (step, offset) = (step.max(1) as usize, offset as usize);
+            let needed = (count.max(1) - 1) * step + 1;
+            row.get(x * step + offset..x * step + offset + needed)
+                .map_or(Samples::None, |bytes| Samples::Spread(bytes, step))
+        }
+        Layout::Word { bits } => {
+            row.get(2 * x..2 * (x + count)).map_or(Samples::None, |bytes| Samples::Word(bytes, bits))
+        }
+    }
+}
