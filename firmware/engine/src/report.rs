@@ -23,7 +23,7 @@ pub(crate) fn motion(
     }
     let solution = match solution {
         Ok(solution) => solution,
-        Err(PoseError::TooFew) => return (None, flags | PoseFlags::FEW_MARKERS),
+        Err(PoseError::TooFew { .. }) => return (None, flags | PoseFlags::FEW_MARKERS),
         Err(_) => return (None, flags | PoseFlags::NO_SOLUTION),
     };
     if solution.alternative.as_ref().is_some_and(|second| second.ratio < AMBIGUOUS_RATIO) {

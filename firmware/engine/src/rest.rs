@@ -116,7 +116,7 @@ impl RestFinder {
             }
         }
         // Full only if the settings were not validated; the interval then ends here.
-        let _ = self.solutions.push(solution.clone());
+        let _ = self.solutions.push(*solution);
     }
 
     /// Whether the circles' common drift over the interval is small: slow motion stays below the excursion

@@ -1,4 +1,8 @@
-//! Where a circle will be seen and how large: what the tracker needs to place its window.
+//! Where a circle will be seen and how large, and how far its disc's centroid lies from its projected centre: what
+//! the tracker needs to place its window and to correct what it finds (Heikkila 2000, and Hartley and Zisserman 2.2
+//! for the dual conic).
+
+use nalgebra::Vector2;
 
 use crate::geometry::{Circle, Pose};
 use crate::lens::{Lens, LensError};
@@ -10,15 +14,19 @@ pub struct Projected {
     pub centre: [f64; 2],
     /// Second moments (uu, uv, vv) of the projected filled outer disc about its centre, px^2.
     pub shape: [f64; 3],
+    /// Centroid of the projected filled outer disc minus projection of the circle's centre, px.
+    pub bias: [f64; 2],
     /// Long axis of the outer edge's ellipse, px.
     pub diameter_px: f64,
 }
 
 /// Projects a circle. The shape is that of the affine map at the circle's centre, which is what a window needs.
 pub fn project_circle(circle: &Circle, pose: &Pose, lens: &Lens) -> Result<Projected, LensError> {
-    let (centre, jacobian) = lens.project_with_jacobian(&pose.transform(&circle.point))?;
+    let point = pose.transform(&circle.point);
+    let (centre, jacobian) = lens.project_with_jacobian(&point)?;
+    let axis = pose.rotation * circle.normal;
     // A filled disc of radius r in the plane with normal n has the moments r^2/4 (I - n n^T).
-    let normal = jacobian * (pose.rotation * circle.normal);
+    let normal = jacobian * axis;
     let quarter = circle.outer_mm * circle.outer_mm / 16.0;
     let spread = jacobian * jacobian.transpose();
     let uu = quarter * (spread.m11 - normal.x * normal.x);
@@ -30,5 +38,22 @@ pub fn project_circle(circle: &Circle, pose: &Pose, lens: &Lens) -> Result<Proje
     // The larger eigenvalue of the moments is (long half axis)^2 / 4.
     let half_difference = 0.5 * (uu - vv);
     let larger = 0.5 * (uu + vv) + libm::sqrt(half_difference * half_difference + uv * uv);
-    Ok(Projected { centre, shape: [uu, uv, vv], diameter_px: 4.0 * libm::sqrt(larger.max(0.0)) })
+    // The dual conic r^2 (I - n n^T) - P P^T has the ellipse's centre as the pole of the line at infinity.
+    let radius2 = 4.0 * quarter;
+    let across = radius2 * (1.0 - axis.z * axis.z);
+    let denominator = point.z * point.z - across;
+    if denominator <= 0.0 {
+        return Err(LensError::Behind);
+    }
+    let (x, y) = (point.x / point.z, point.y / point.z);
+    let offset = Vector2::new(
+        (radius2 * axis.x * axis.z + x * across) / denominator,
+        (radius2 * axis.y * axis.z + y * across) / denominator,
+    );
+    // The centroid of the distorted disc: the distortion's curvature adds to what perspective does.
+    let by_ray = jacobian.fixed_columns::<2>(0) * point.z;
+    let bent = lens.mean_bend([x, y], &(by_ray.try_inverse().ok_or(LensError::NotInvertible)?), [uu, uv, vv]);
+    let bias = by_ray * offset + Vector2::from(bent);
+    let diameter_px = 4.0 * libm::sqrt(larger.max(0.0));
+    Ok(Projected { centre, shape: [uu, uv, vv], bias: bias.into(), diameter_px })
 }

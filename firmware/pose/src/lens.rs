@@ -1,7 +1,7 @@
 //! The camera model of thesis 3.3.1 and 4.2.3: K and the five distortion coefficients, forward with its
 //! derivative and backward by Newton's method.
 
-use nalgebra::{Matrix2x3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 /// K and distortion, in the order and direction of OpenCV and the Caltech toolbox: the polynomial takes the
 /// ideal normalised point to the distorted one.
@@ -165,6 +165,24 @@ impl Lens {
             du: [ux * w, uy * w, -(ux * x + uy * y) * w],
             dv: [vx * w, vy * w, -(vx * x + vy * y) * w],
         })
+    }
+
+    /// How far the mean of a small patch's pixels lies from the pixel of its mean: half the second derivative of the
+    /// distortion times the patch's moments. `shape` are the moments in pixels, `to_ray` takes pixels to rays.
+    pub(crate) fn mean_bend(&self, [x, y]: [f64; 2], to_ray: &Matrix2<f64>, shape: [f64; 3]) -> [f64; 2] {
+        let moments = to_ray * Matrix2::new(shape[0], shape[1], shape[1], shape[2]) * to_ray.transpose();
+        // Cholesky factor of the moments: two steps whose squares add up to them.
+        let ax = libm::sqrt(moments.m11.max(0.0));
+        let ay = if ax > 0.0 { moments.m12 / ax } else { 0.0 };
+        let by = libm::sqrt((moments.m22 - ay * ay).max(0.0));
+        let here = self.distort(x, y);
+        let (mut bend_x, mut bend_y) = (0.0, 0.0);
+        for (dx, dy) in [(ax, ay), (-ax, -ay), (0.0, by), (0.0, -by)] {
+            let there = self.distort(x + dx, y + dy);
+            bend_x += 0.5 * (there.x - here.x - here.xx * dx - here.xy * dy);
+            bend_y += 0.5 * (there.y - here.y - here.xy * dx - here.yy * dy);
+        }
+        [self.focal[0] * bend_x + self.skew * bend_y, self.focal[1] * bend_y]
     }
 
     #[inline(always)]

@@ -42,5 +42,3 @@ pub use solve::{Solution, solve};
 
 /// Most circles that one setup may have, over all its targets.
 pub const MAX_CIRCLES: usize = 64;
-mod first;
-pub use first::*;

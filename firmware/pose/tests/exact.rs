@@ -50,7 +50,7 @@ fn methods() -> impl Strategy<Value = Method> {
 
 /// 4 or more of `circles`, in any order.
 fn choice(circles: usize) -> impl Strategy<Value = Vec<usize>> {
-    proptest::sample::subsequence((0..circles).collect::<Vec<_>>(), 4..=circles)
+    proptest::sample::subsequence((0..circles).collect::<Vec<_>>(), 8..=circles)
 }
 
 /// Not all but one on a line: such four have two poses.
