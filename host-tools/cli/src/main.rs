@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 failed, 2 used wrongly. Every line on standard error starts with the program's name.
 
 mod decode;
+mod evaluate;
 mod export;
 mod receive;
 mod send;
@@ -32,6 +33,8 @@ enum Command {
     Decode(decode::Args),
     /// Write a session as a table: CSV or Parquet.
     Export(export::Args),
+    /// Compare a session with the truth: table, pictures.
+    Evaluate(evaluate::Args),
     /// Send a command to a box and wait for its answer.
     Send(send::Args),
 }
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Command::Receive(args) => receive::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Export(args) => export::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
         Command::Send(args) => send::run(args),
     };
     match result {

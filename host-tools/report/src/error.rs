@@ -39,12 +39,12 @@ pub enum ReportError {
         given: (u32, u32),
     },
     /// The reference cannot be read.
-    #[error("{name}: cannot be read: {source}")]
+    #[error("{name}: cannot be read: {why}")]
     ReadReference {
         /// Its name.
         name: String,
         /// What the system said.
-        source: std::io::Error,
+        why: std::io::Error,
     },
     /// The reference's first line lacks a column, or has it twice.
     #[error("{name}, line {line}: {what}")]
@@ -75,12 +75,12 @@ pub enum ReportError {
         name: String,
     },
     /// A file of the report cannot be written.
-    #[error("{}: cannot be written: {source}; give another folder with --out", path.display())]
+    #[error("{}: cannot be written: {why}; give another folder with --out", path.display())]
     Write {
         /// Its path.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        why: std::io::Error,
     },
     /// A picture cannot be drawn.
     #[error("the picture cannot be drawn: {what}")]

@@ -11,9 +11,9 @@ use crate::{DEGREES_OF_FREEDOM, Measured, Reference, ReportError, Sample};
 /// A ride, measured against a reference or on its own.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// Name of the session.
+    /// Name of the session, or its path; titles show the last part.
     pub session: String,
-    /// Name of the reference; `None` where there is none.
+    /// Name or path of the reference; `None` where there is none.
     pub reference: Option<String>,
     /// How many frames went where.
     pub frames: Frames,

@@ -40,3 +40,8 @@ pub use reference::Reference;
 pub use sample::{DEGREES_OF_FREEDOM, DegreeOfFreedom, Measured, RATE_LIMIT_HZ, Sample};
 pub use statistics::{Deviation, Motion};
 pub use write::write_file;
+
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;

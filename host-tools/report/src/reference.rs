@@ -38,7 +38,7 @@ impl Reference {
         let name = path.display().to_string();
         match std::fs::read(path) {
             Ok(text) => Self::parse(&text, &name),
-            Err(source) => Err(ReportError::ReadReference { name, source }),
+            Err(why) => Err(ReportError::ReadReference { name, why }),
         }
     }
 
@@ -58,7 +58,7 @@ impl Reference {
             .from_reader(text.as_bytes());
         let mut rows = reader.records();
         let read = |row: Result<StringRecord, csv::Error>| {
-            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), source: e.into() })
+            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), why: e.into() })
         };
 
         let header = match rows.next() {

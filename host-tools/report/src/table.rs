@@ -1,6 +1,7 @@
 //! The evaluation as text, in the manner of thesis tables 5.1 to 5.7.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use crate::{DEGREES_OF_FREEDOM, Deviation, Evaluation, RATE_LIMIT_HZ};
 
@@ -45,8 +46,8 @@ impl Evaluation {
     /// What was compared with what.
     pub(crate) fn title(&self) -> String {
         match &self.reference {
-            Some(reference) => format!("Deviations of {} from {reference}", self.session),
-            None => format!("Motions of {}, without a reference", self.session),
+            Some(reference) => format!("Deviations of {} from {}", short(&self.session), short(reference)),
+            None => format!("Motions of {}, without a reference", short(&self.session)),
         }
     }
 
@@ -82,7 +83,7 @@ impl Evaluation {
     fn motion_cells(&self) -> Cells {
         let row = |i: usize| {
             let (of, m) = (DEGREES_OF_FREEDOM[i], &self.motion[i]);
-            let digits = block_digits(i, |i| self.motion[i].std);
+            let digits = block_digits(i, |i| self.motion[i].std) + 1;
             let mut row = vec![of.name.to_owned(), of.unit.to_owned()];
             row.extend([m.min, m.max, m.mean, m.std].map(|v| fixed(v, digits)));
             row.push(m.sigma_median.map(|s| fixed(s, digits_for(s))).unwrap_or_default());
@@ -147,15 +148,24 @@ impl Evaluation {
     }
 }
 
+/// A name without the folders it is in.
+pub(crate) fn short(name: &str) -> &str {
+    Path::new(name).file_name().and_then(|n| n.to_str()).unwrap_or(name)
+}
+
 /// "kept" or "NOT kept".
 pub(crate) fn kept(is: bool) -> &'static str {
     if is { "kept" } else { "NOT kept" }
 }
 
-/// Decimals that give the smallest of `i`'s block of three (mm or degrees) three digits.
+/// Decimals for `i`'s block of three (mm or degrees): three digits for its largest number, two for its smallest.
 pub(crate) fn block_digits(i: usize, value: impl Fn(usize) -> f64) -> usize {
     let start = i / 3 * 3;
-    (start..start + 3).map(value).filter(|v| *v > 0.0).map(digits_for).max().unwrap_or(3)
+    let digits: Vec<usize> = (start..start + 3).map(value).filter(|v| *v > 0.0).map(digits_for).collect();
+    match (digits.iter().min(), digits.iter().max()) {
+        (Some(&largest), Some(&smallest)) => largest.max(smallest - 1),
+        _ => 3,
+    }
 }
 
 /// Decimals that give a number three digits, at least one and at most six.

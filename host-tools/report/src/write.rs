@@ -39,7 +39,7 @@ impl Evaluation {
 ///
 /// Where the folder cannot be made or the file cannot be written; nothing is left behind then.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
-    let error = |source| ReportError::Write { path: path.to_owned(), source };
+    let error = |why| ReportError::Write { path: path.to_owned(), why };
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(error)?;
     }
@@ -52,9 +52,9 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
         file.sync_all()?;
         std::fs::rename(&temporary, path)
     };
-    write().map_err(|source| {
+    write().map_err(|why| {
         // Best effort: what matters is the error that is reported.
         let _ = std::fs::remove_file(&temporary);
-        error(source)
+        error(why)
     })
 }

@@ -1,5 +1,7 @@
 //! Axes: from values to pixels, and the round numbers to mark.
 
+use crate::DegreeOfFreedom;
+
 /// A linear axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Axis {
@@ -25,9 +27,12 @@ impl Axis {
         self.from_px + (value - self.low) / (self.high - self.low) * (self.to_px - self.from_px)
     }
 
-    /// Round values within the range, about `count` of them, each with its label.
+    /// Round values within the range, about `count` and at least two of them, each with its label.
     pub(crate) fn ticks(&self, count: f64) -> Vec<(f64, String)> {
-        let step = round_step((self.high - self.low) / count);
+        let mut step = round_step((self.high - self.low) / count);
+        while (self.high / step).floor() - (self.low / step).ceil() < 1.0 {
+            step = round_step(step / 2.5);
+        }
         let digits = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
         let (first, last) = ((self.low / step).ceil(), (self.high / step).floor());
         let mut ticks = Vec::new();
@@ -48,6 +53,12 @@ fn round_step(step: f64) -> f64 {
     factor * power
 }
 
+/// A number with its unit, as it is usual: a space before mm, none before the sign of degrees.
+pub(crate) fn with_unit(number: String, of: &DegreeOfFreedom) -> String {
+    let space = if of.is_angle { "" } else { " " };
+    format!("{number}{space}{}", of.unit_sign)
+}
+
 /// A number for people: a true minus sign, none before a zero.
 pub(crate) fn number(value: f64, digits: usize) -> String {
     crate::table::fixed(value, digits).replace('-', "\u{2212}")
@@ -66,6 +77,8 @@ mod tests {
         assert_eq!(labels(-0.013, 0.031), ["0.00", "0.02"]);
         assert_eq!(labels(-70.0, 60.0), ["\u{2212}50", "0", "50"]);
         assert_eq!(labels(0.0, 5.0), ["0", "2", "4"]);
+        // 0.005 would leave the zero alone, so the next finer step is taken.
+        assert_eq!(labels(-0.0041, 0.0041).len(), 5);
         // A range that is empty is widened, not divided by.
         assert_eq!(labels(3.0, 3.0), ["2.5", "3.0", "3.5"]);
     }

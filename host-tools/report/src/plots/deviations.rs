@@ -1,6 +1,6 @@
 //! The six deviations against time, with the band of the stated standard deviation.
 
-use super::axis::number;
+use super::axis::{number, with_unit};
 use super::figure::{Figure, Key};
 use super::picture::Picture;
 use super::svg::colour;
@@ -23,21 +23,22 @@ pub fn deviations(evaluation: &Evaluation) -> Option<Picture> {
     for (i, d) in deviation.iter().enumerate() {
         let digits = block_digits(i, |i| deviation[i].rmse);
         let text = |v: f64| number(v, digits);
-        let unit = DEGREES_OF_FREEDOM[i].unit_sign;
-        let limit = format!("R(a) ±{} {unit}: {}", d.limit, kept(d.within_limit));
+        let of = &DEGREES_OF_FREEDOM[i];
+        let limit = format!("R(a) ±{}: {}", with_unit(d.limit.to_string(), of), kept(d.within_limit));
         let statistics = format!(
-            "MAX {} at frame {}    RMSE {}    MEAN {}    STD {} {unit}",
+            "MAX {} at frame {}  ·  RMSE {}  ·  MEAN {}  ·  STD {}",
             text(d.max),
             d.max_frame,
             text(d.rmse),
             text(d.mean),
-            text(d.std)
+            with_unit(text(d.std), of)
         );
         let range = [-ranges[i], ranges[i]];
         let panel = figure.begin_panel(i, range, [(&limit, !d.within_limit), (&statistics, false)]);
         let sigma = |r: &Row| r.deviation().and(r.measured).map(|m| m.sigmas[i]);
         figure.band(&panel, colour::BAND_3, |r| Some(3.0 * sigma(r)?));
         figure.band(&panel, colour::BAND_1, sigma);
+        figure.grid(&panel);
         if d.limit <= ranges[i] {
             figure.limit(&panel, d.limit);
             figure.limit(&panel, -d.limit);

@@ -9,6 +9,7 @@ use super::picture::{Picture, WIDTH_PX};
 use super::svg::{Anchor, Svg, Type, colour};
 use super::trace::{self, Point};
 use crate::evaluation::frame_interval_s;
+use crate::table::short;
 use crate::{DEGREES_OF_FREEDOM, Evaluation, Row};
 
 const LEFT: f64 = 150.0;
@@ -69,9 +70,11 @@ impl<'a> Figure<'a> {
             Self { svg: Svg::default(), rows, time: Axis::new(range, [LEFT, RIGHT]), interval_s };
 
         let subtitle = match &evaluation.reference {
-            Some(reference) => format!("{}, against {reference}", evaluation.session),
-            None => evaluation.session.clone(),
+            Some(reference) => format!("{}, against {}", short(&evaluation.session), short(reference)),
+            None => short(&evaluation.session).to_owned(),
         };
+        let frames = &evaluation.frames;
+        let subtitle = format!("{subtitle}: {} of {} frames", frames.compared, frames.all);
         figure.svg.text(LEFT, 50.0, TITLE, title);
         figure.svg.text(LEFT, 82.0, NOTE, &subtitle);
         let (waiting, missing) = (figure.waiting(), figure.missing());
@@ -105,24 +108,18 @@ impl<'a> Figure<'a> {
             }
             self.svg.text(x + 54.0, y + 6.5, Type { colour: colour::INK, ..NOTE }, text);
             // The font's mean width is a little under half its size.
-            x += 54.0 + text.chars().count() as f64 * NOTE.size * 0.5 + 34.0;
+            x += 54.0 + text.chars().count() as f64 * NOTE.size * 0.46 + 40.0;
         }
     }
 
-    /// Opens a panel: grid, value axis, its name at the side and two remarks above it. What is drawn until
+    /// Opens a panel: value axis, its name at the side and two remarks above it. What is drawn until
     /// [`Figure::end_panel`] is cut at its edges.
     pub(crate) fn begin_panel(&mut self, index: usize, range: [f64; 2], remarks: [(&str, bool); 2]) -> Panel {
         let area = Panel::area(index);
         let [x, y, w, h] = area;
         let panel = Panel { index, value: Axis::new(range, [y + h, y]) };
-        for (t, _) in self.time.ticks(10.0) {
-            let at = self.time.px(t);
-            self.svg.line([at, y, at, y + h], colour::GRID, 1.0);
-        }
         for (value, label) in panel.value.ticks(4.0) {
             let at = panel.value.px(value);
-            let shade = if value == 0.0 { colour::ZERO } else { colour::GRID };
-            self.svg.line([x, at, x + w, at], shade, 1.0);
             self.svg.text(x - 10.0, at + 6.5, TICK, &label);
         }
         let of = DEGREES_OF_FREEDOM[index];
@@ -135,6 +132,20 @@ impl<'a> Figure<'a> {
         }
         self.svg.begin_clip(&format!("panel{index}"), area);
         panel
+    }
+
+    /// Draws the grid, over areas and under lines.
+    pub(crate) fn grid(&mut self, panel: &Panel) {
+        let [x, y, w, h] = Panel::area(panel.index);
+        for (t, _) in self.time.ticks(10.0) {
+            let at = self.time.px(t);
+            self.svg.line([at, y, at, y + h], colour::GRID, 1.0);
+        }
+        for (value, _) in panel.value.ticks(4.0) {
+            let at = panel.value.px(value);
+            let shade = if value == 0.0 { colour::ZERO } else { colour::GRID };
+            self.svg.line([x, at, x + w, at], shade, 1.0);
+        }
     }
 
     /// Closes a panel.
@@ -226,22 +237,23 @@ impl<'a> Figure<'a> {
 
     /// A lane for each flag that poses carry, the time axis, and the picture is done.
     pub(crate) fn finish(mut self) -> Picture {
+        let flagged = |flag| {
+            let rows = self.rows.iter().filter(move |r| r.measured.is_some() && r.flags.contains(flag));
+            self.spans(rows.map(|r| self.around(r)))
+        };
+        // "no pose" once more: behind the lines of hours, one frame cannot be seen.
         let lanes = [
-            (PoseFlags::AMBIGUOUS, "ambiguous"),
-            (PoseFlags::OUTLIERS, "outliers"),
-            (PoseFlags::BEYOND_LIMITS, "beyond limits"),
-            (PoseFlags::AFTER_GAP, "after gap"),
-            (PoseFlags::CORRUPT, "damaged"),
+            (self.missing(), "no pose"),
+            (flagged(PoseFlags::AMBIGUOUS), "ambiguous"),
+            (flagged(PoseFlags::OUTLIERS), "outliers"),
+            (flagged(PoseFlags::BEYOND_LIMITS), "beyond limits"),
+            (flagged(PoseFlags::AFTER_GAP), "after gap"),
+            (flagged(PoseFlags::CORRUPT), "damaged"),
         ];
         let mut y = PANELS_END + 8.0;
-        for (flag, name) in lanes {
-            let flagged = self.rows.iter().filter(|r| r.measured.is_some() && r.flags.contains(flag));
-            let spans = self.spans(flagged.map(|r| self.around(r)));
-            if spans.is_empty() {
-                continue;
-            }
-            self.svg.rect([LEFT, y + 4.0, RIGHT - LEFT, LANE_HEIGHT - 8.0], "#f4f4f4");
-            self.svg.fill(&bars(&spans, y + 4.0, LANE_HEIGHT - 8.0), colour::VERMILLION);
+        for (spans, name) in lanes.iter().filter(|(spans, _)| !spans.is_empty()) {
+            self.svg.rect([LEFT, y + 4.0, RIGHT - LEFT, LANE_HEIGHT - 8.0], colour::LANE);
+            self.svg.fill(&bars(spans, y + 4.0, LANE_HEIGHT - 8.0), colour::VERMILLION);
             self.svg.text(LEFT - 10.0, y + 19.0, TICK, name);
             y += LANE_HEIGHT;
         }

@@ -1,6 +1,6 @@
 //! The six motions against time, measured over true.
 
-use super::axis::number;
+use super::axis::{number, with_unit};
 use super::figure::{Figure, Key};
 use super::picture::Picture;
 use super::svg::colour;
@@ -18,11 +18,12 @@ pub fn motions(evaluation: &Evaluation) -> Picture {
     for (i, of) in DEGREES_OF_FREEDOM.iter().enumerate() {
         let m = &evaluation.motion[i];
         let digits = digits_for((m.max - m.min).max(m.std));
-        let remark = format!("{} to {} {}", number(m.min, digits), number(m.max, digits), of.unit_sign);
+        let remark = format!("{} to {}", number(m.min, digits), with_unit(number(m.max, digits), of));
         let truths = evaluation.rows.iter().filter_map(|r| Some(r.truth?[i]));
         let [low, high] = truths.fold([m.min, m.max], |[low, high], v| [low.min(v), high.max(v)]);
         let margin = (high - low) * 0.08;
         let panel = figure.begin_panel(i, [low - margin, high + margin], [("", false), (&remark, false)]);
+        figure.grid(&panel);
         figure.line(&panel, colour::ORANGE, TRUTH_WIDTH, |r| Some(r.truth?[i]));
         figure.line(&panel, colour::BLUE, 2.0, |r| Some(r.measured?.values[i]));
         figure.end_panel(&panel);
@@ -30,4 +31,5 @@ pub fn motions(evaluation: &Evaluation) -> Picture {
     figure.finish()
 }
 
-const TRUTH_WIDTH: f64 = 6.0;
+/// Wide enough to be seen on both sides of the measured line, px.
+const TRUTH_WIDTH: f64 = 7.0;

@@ -10,10 +10,11 @@ pub(crate) mod colour {
     pub(crate) const ZERO: &str = "#b5b5b5";
     pub(crate) const FRAME: &str = "#8a8a8a";
     pub(crate) const BLUE: &str = "#0072b2";
-    pub(crate) const ORANGE: &str = "#e69f00";
+    pub(crate) const ORANGE: &str = "#f2bc4b";
     pub(crate) const VERMILLION: &str = "#d55e00";
     pub(crate) const BAND_1: &str = "#b4d8ee";
     pub(crate) const BAND_3: &str = "#e2f1f9";
+    pub(crate) const LANE: &str = "#f4f4f4";
     pub(crate) const WAITING: &str = "#ececec";
     pub(crate) const NO_POSE: &str = "#f6d3bf";
 }
