@@ -1,1 +1,40 @@
-//! Simulated rides: motion, optics, light, noise and exact truth.
+//! Simulated rides: a scene file says what camera looks at what targets, how they move, in what light and what
+//! passes in front; out come frames with noise, the exact truth and the setup file for a box that watches them.
+//!
+//! The projection code here is the simulator's own, so that it can judge the firmware: nothing of `firmware/`
+//! is used. Conventions of frames, signs and units are those of the whole project (thesis 1.2, 3.3, 3.4).
+//!
+//! ```
+//! let scene = gangway_scene::Scene::builtin("ride")?;
+//! let mut samples = Vec::new();
+//! let truth = scene.render(0, &mut samples);
+//! assert_eq!(samples.len(), 1920 * 1080);
+//! assert_eq!(truth.displacement_mm, [0.0; 3]);
+//! # Ok::<(), gangway_scene::SceneError>(())
+//! ```
+
+mod background;
+mod build;
+mod coverage;
+mod error;
+mod file;
+mod keys;
+mod light;
+mod motion;
+mod occluder;
+mod optics;
+mod output;
+mod plate;
+mod render;
+mod scene;
+mod sensor;
+mod setup;
+mod table;
+
+pub use error::SceneError;
+pub use output::{Format, Written};
+pub use scene::{Scene, Truth};
+
+/// The scenes that are built in: name and text.
+pub const BUILTIN: [(&str, &str); 2] =
+    [("rig", include_str!("../scenes/rig.toml")), ("ride", include_str!("../scenes/ride.toml"))];

@@ -1,0 +1,177 @@
+//! One frame: the moments of its exposure, then bands of rows, each drawn, blurred, lit, made noisy and
+//! rounded by one core. A band's samples depend on nothing but the scene and the row.
+
+use rayon::prelude::*;
+
+use crate::build::Parts;
+use crate::coverage::Aperture;
+use crate::occluder::OccluderView;
+use crate::optics::Pose;
+use crate::plate::{PixelBox, Scratch, View};
+use crate::sensor::{blur_row, mix};
+
+/// Rows of a band: few enough to stay in a core's cache, many against the rows that the blur adds.
+const BAND: usize = 64;
+/// Moments of an exposure for each pixel of motion, and their bounds while something moves.
+const MOMENTS_PER_PX: f64 = 3.0;
+const MOMENTS: [f64; 2] = [4.0, 48.0];
+/// Motion during an exposure below which it is one moment, px.
+const STILL_PX: f64 = 1e-6;
+
+/// What stays the same for all frames.
+pub(crate) struct Studio<'a> {
+    /// The scene.
+    pub(crate) parts: &'a Parts,
+    /// Reflectances of the background on the canvas.
+    pub(crate) background: &'a [f32],
+    /// Half of the blur's kernel; the canvas is larger than the picture by its reach on every side.
+    pub(crate) kernel: &'a [f32],
+    /// How a pixel gathers light.
+    pub(crate) aperture: Aperture,
+    /// Seed of the noise.
+    pub(crate) seed: u64,
+}
+
+/// Width and height of the canvas: the picture with the reach of the blur on every side.
+pub(crate) fn canvas_size(parts: &Parts, kernel: &[f32]) -> [usize; 2] {
+    parts.size.map(|side| side as usize + 2 * (kernel.len() - 1))
+}
+
+/// What one frame's rows have in common.
+struct Shot<'a> {
+    views: Vec<View<'a>>,
+    occluders: Vec<OccluderView>,
+    level: f64,
+}
+
+impl<'a> Studio<'a> {
+    /// The samples of a frame.
+    pub(crate) fn samples(&self, frame: u32, samples: &mut Vec<u8>) {
+        let sensor = &self.parts.sensor;
+        let row_bytes = self.parts.size[0] as usize * sensor.bytes();
+        samples.resize(row_bytes * self.parts.size[1] as usize, 0);
+        let shot = self.shoot(frame);
+        samples.par_chunks_mut(BAND * row_bytes).enumerate().for_each(|(band, samples)| {
+            let mut rows = samples.chunks_exact_mut(row_bytes);
+            self.band(&shot, band * BAND, rows.len(), |row, light| {
+                sensor.add_noise(light, mix(&[self.seed, u64::from(frame), row as u64]));
+                sensor.amplify(light);
+                if let Some(samples) = rows.next() {
+                    sensor.quantise(light, samples);
+                }
+            });
+        });
+    }
+
+    /// The same frame before noise and rounding: shares of full scale, not clipped.
+    pub(crate) fn shares(&self, frame: u32, shares: &mut Vec<f32>) {
+        let width = self.parts.size[0] as usize;
+        shares.resize(width * self.parts.size[1] as usize, 0.0);
+        let shot = self.shoot(frame);
+        shares.par_chunks_mut(BAND * width).enumerate().for_each(|(band, shares)| {
+            let mut rows = shares.chunks_exact_mut(width);
+            self.band(&shot, band * BAND, rows.len(), |_, light| {
+                self.parts.sensor.amplify(light);
+                if let Some(shares) = rows.next() {
+                    shares.copy_from_slice(light);
+                }
+            });
+        });
+    }
+
+    fn shoot(&self, frame: u32) -> Shot<'a> {
+        let parts = self.parts;
+        let middle = f64::from(frame) / parts.rate_hz;
+        let half = 0.5 * parts.exposure_s;
+        let travel = self.travel_px(middle - half, middle, middle + half);
+        let count = if travel < STILL_PX {
+            1
+        } else {
+            (MOMENTS_PER_PX * travel).ceil().clamp(MOMENTS[0], MOMENTS[1]) as usize
+        };
+        let moments: Vec<f64> =
+            (0..count).map(|i| middle + half * ((2 * i + 1) as f64 / count as f64 - 1.0)).collect();
+        let poses: Vec<Pose> = moments.iter().map(|t| pose_at(parts, *t)).collect();
+        let reach = (self.kernel.len() - 1) as i32;
+        let canvas =
+            PixelBox { x: [-reach, parts.size[0] as i32 + reach], y: [-reach, parts.size[1] as i32 + reach] };
+        let mut views: Vec<View<'a>> = parts
+            .plates
+            .iter()
+            .filter_map(|plate| View::new(plate, &poses, &parts.lens, &canvas, self.aperture))
+            .collect();
+        views.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+        let occluders =
+            parts.occluders.iter().map(|occluder| occluder.view(&moments, self.aperture)).collect();
+        Shot { views, occluders, level: parts.light.at(middle) }
+    }
+
+    /// How far anything moves in the picture over an exposure, px.
+    fn travel_px(&self, from: f64, middle: f64, to: f64) -> f64 {
+        let parts = self.parts;
+        let poses = [from, middle, to].map(|t| pose_at(parts, t));
+        let mut most: f64 = 0.0;
+        if poses[0] != poses[1] || poses[1] != poses[2] {
+            for plate in &parts.plates {
+                for circle in &plate.circles {
+                    let point = plate.point(*circle);
+                    let pixels = poses.map(|pose| parts.lens.project(&pose.transform(&point)));
+                    for (a, b) in pixels.iter().flatten().zip(pixels.iter().flatten().skip(1)) {
+                        most = most.max(2.0 * (a[0] - b[0]).hypot(a[1] - b[1]));
+                    }
+                }
+            }
+        }
+        parts.occluders.iter().fold(most, |most, occluder| most.max(occluder.travel_px(from, to)))
+    }
+
+    /// Draws a band of rows and hands each, lit, to `finish` with its number.
+    fn band(&self, shot: &Shot<'_>, first: usize, rows: usize, mut finish: impl FnMut(usize, &mut [f32])) {
+        let parts = self.parts;
+        let reach = self.kernel.len() - 1;
+        let width = parts.size[0] as usize;
+        let canvas_width = width + 2 * reach;
+        let left = -(reach as i32);
+        let mut scratch = Scratch::default();
+        let mut line = vec![0.0; canvas_width];
+        let mut blurred = vec![0.0; width * (rows + 2 * reach)];
+        for (i, blurred) in blurred.chunks_exact_mut(width).enumerate() {
+            // The canvas begins `reach` rows above the picture.
+            let on_canvas = (first + i) * canvas_width;
+            line.copy_from_slice(&self.background[on_canvas..on_canvas + canvas_width]);
+            let row = (first + i) as i32 + left;
+            for view in &shot.views {
+                view.draw_row(row, left, &mut line, &parts.lens, &mut scratch);
+            }
+            for occluder in &shot.occluders {
+                occluder.draw_row(row, left, &mut line);
+            }
+            blur_row(self.kernel, &line, blurred);
+        }
+        let size = parts.size.map(f64::from);
+        let mut light = vec![0.0; width];
+        for i in 0..rows {
+            let at = |row: usize| &blurred[row * width..(row + 1) * width];
+            for (light, value) in light.iter_mut().zip(at(i + reach)) {
+                *light = self.kernel[0] * value;
+            }
+            for (j, weight) in self.kernel.iter().enumerate().skip(1) {
+                let pairs = at(i + reach - j).iter().zip(at(i + reach + j));
+                for (light, (above, below)) in light.iter_mut().zip(pairs) {
+                    *light += weight * (above + below);
+                }
+            }
+            let v = (first + i) as f64;
+            for (column, light) in light.iter_mut().enumerate() {
+                *light *= (shot.level * parts.light.across([column as f64, v], size)) as f32;
+            }
+            finish(first + i, &mut light);
+        }
+    }
+}
+
+/// Pose of CB_02 in the camera at a time, seconds.
+pub(crate) fn pose_at(parts: &Parts, t: f64) -> Pose {
+    let [x, y, z, roll, pitch, yaw] = parts.motion.at(t);
+    parts.rest.moved(&[x, y, z], &crate::optics::rotation(roll, pitch, yaw))
+}

@@ -1,0 +1,74 @@
+//! The setup file of a scene, in the form that the box reads: its camera, its targets and, as seeds, where
+//! each circle's centre is at rest.
+
+use std::fmt::Write;
+
+use crate::build::Parts;
+use crate::file::SetupTables;
+use crate::optics::dot;
+use crate::plate::Plate;
+
+/// Fewest circles that must show at rest.
+pub(crate) const FEWEST_SEEDS: usize = 4;
+
+/// Where a plate's circles are at rest, px; nothing unless all show.
+pub(crate) fn seeds(parts: &Parts, plate: &Plate) -> Option<Vec<[f64; 2]>> {
+    let normal = crate::optics::apply(&parts.rest.rotation, &plate.axes[2]);
+    plate
+        .circles
+        .iter()
+        .map(|circle| {
+            let point = parts.rest.transform(&plate.point(*circle));
+            let inside = |pixel: &[f64; 2]| {
+                pixel.iter().zip(parts.size).all(|(p, side)| *p >= 0.0 && *p <= f64::from(side) - 1.0)
+            };
+            parts.lens.project(&point).filter(|pixel| dot(&normal, &point) < 0.0 && inside(pixel))
+        })
+        .collect()
+}
+
+/// The file's text.
+pub(crate) fn text(name: &str, parts: &Parts, tables: &SetupTables) -> String {
+    let mut out = String::new();
+    // Writing into a String cannot fail.
+    let _ = write_text(&mut out, name, parts, tables);
+    out
+}
+
+fn write_text(out: &mut String, name: &str, parts: &Parts, tables: &SetupTables) -> std::fmt::Result {
+    let camera = &parts.camera;
+    writeln!(out, "# Written with the scene `{}`; seeds are the projected centres at rest.", quoted(name))?;
+    writeln!(out, "name = {}\n\n[camera]", quoted(name))?;
+    writeln!(out, "width_px = {}\nheight_px = {}", parts.size[0], parts.size[1])?;
+    writeln!(out, "rate_hz = {:?}", parts.rate_hz)?;
+    writeln!(out, "focal_px = {:?}\nprincipal_px = {:?}", camera.focal, camera.principal)?;
+    writeln!(out, "skew_px = {:?}\ndistortion = {:?}", camera.skew, camera.distortion)?;
+    for plate in &parts.plates {
+        writeln!(out, "\n[[target]]\nname = {}", quoted(&plate.name))?;
+        writeln!(out, "origin_mm = {:?}", plate.origin)?;
+        writeln!(out, "u = {:?}\nv = {:?}", plate.axes[0], plate.axes[1])?;
+        writeln!(out, "outer_diameter_mm = {:?}", 2.0 * plate.radii[0])?;
+        writeln!(out, "inner_diameter_mm = {:?}", 2.0 * plate.radii[1])?;
+        writeln!(out, "circles_mm = {:?}", plate.circles)?;
+        if let Some(seeds) = seeds(parts, plate) {
+            let rounded: Vec<String> = seeds.iter().map(|[u, v]| format!("[{u:.3}, {v:.3}]")).collect();
+            writeln!(out, "seeds_px = [{}]", rounded.join(", "))?;
+        }
+    }
+    let extra = [
+        ("tracker", &tables.tracker),
+        ("solver", &tables.solver),
+        ("rest", &tables.rest),
+        ("limits", &tables.limits),
+    ];
+    for (name, table) in extra {
+        if let Some(table) = table {
+            writeln!(out, "\n[{name}]\n{}", table.to_string().trim_end())?;
+        }
+    }
+    Ok(())
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
