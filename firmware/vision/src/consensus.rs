@@ -30,10 +30,14 @@ pub(crate) fn shift(
 }
 
 /// The shift by which found rings are judged: as [`shift`], but where less than three rings could vote a wrong one
-/// could be the median, so it is that of all targets, or zero.
-fn trusted_shift(searches: &[Search], rings: &[Result<Ring, Refusal>], target: u8) -> [f64; 2] {
+/// could be the median, so it is that of all targets, if any.
+pub(crate) fn trusted_shift(
+    searches: &[Search],
+    rings: &[Result<Ring, Refusal>],
+    target: u8,
+) -> Option<[f64; 2]> {
     let of_target = median(found(searches, rings, Some(target)), QUORUM);
-    of_target.or_else(|| median(found(searches, rings, None), QUORUM)).unwrap_or_default()
+    of_target.or_else(|| median(found(searches, rings, None), QUORUM))
 }
 
 /// How far the found rings of a target, or of all, lie from where they were confidently predicted.
@@ -57,13 +61,11 @@ pub(crate) fn refuse_neighbours(searches: &[Search], rings: &mut [Result<Ring, R
         let Some(Ok(ring)) = rings.get(i) else { continue };
         let shift = match known {
             Some((target, shift)) if target == search.target => shift,
-            _ => trusted_shift(searches, rings, search.target),
+            _ => trusted_shift(searches, rings, search.target).unwrap_or_default(),
         };
         known = Some((search.target, shift));
-        let off = offset(search, ring.centre.at);
-        let distance = libm::hypot(off[0] - shift[0], off[1] - shift[1]);
         if let Some(away) = away.get_mut(i) {
-            *away = distance;
+            *away = distance(search, ring, shift);
         }
     }
     for ((search, ring), away) in searches.iter().zip(rings.iter_mut()).zip(away) {
@@ -89,6 +91,17 @@ pub(crate) fn refuse_neighbours(searches: &[Search], rings: &mut [Result<Ring, R
             *ring = Err(Refusal::Neighbour);
         }
     }
+}
+
+/// Whether a ring lies too far from where it should, by a shift that is known.
+pub(crate) fn is_out_of_reach(search: &Search, ring: &Ring, shift: [f64; 2]) -> bool {
+    distance(search, ring, shift) > search.reach_px
+}
+
+/// How far a ring is from its prediction moved by `shift`, px.
+fn distance(search: &Search, ring: &Ring, shift: [f64; 2]) -> f64 {
+    let off = offset(search, ring.centre.at);
+    libm::hypot(off[0] - shift[0], off[1] - shift[1])
 }
 
 fn offset(search: &Search, at: [f64; 2]) -> [f64; 2] {

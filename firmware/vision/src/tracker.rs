@@ -66,9 +66,17 @@ impl Tracker {
         if rings.iter().all(Result::is_ok) {
             return;
         }
-        for ((search, ring), cut) in searches.iter().zip(rings.iter_mut()).zip(&cuts) {
-            if let Some(cut) = *cut {
-                self.look_again(frame, search, ring, cut);
+        for i in 0..count {
+            let (Some(search), Some(Some(cut))) = (searches.get(i), cuts.get(i)) else { continue };
+            // A piece at the window's edge may be a neighbour's: what is found there must fit to what is known.
+            let known = consensus::trusted_shift(searches, rings, search.target);
+            let Some(ring) = rings.get_mut(i) else { continue };
+            let before = *ring;
+            self.look_again(frame, search, ring, *cut);
+            if let (Ok(found), Some(shift)) = (*ring, known)
+                && consensus::is_out_of_reach(search, &found, shift)
+            {
+                *ring = before;
             }
         }
         consensus::refuse_neighbours(searches, rings);
