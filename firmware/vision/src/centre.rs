@@ -25,6 +25,9 @@ const HALF_WIDTH: f64 = 2.645_751_311_064_590_6;
 const CLEAR_PX: f64 = 1.8;
 const CLEAR: f64 = 0.4;
 
+/// Largest share of saturated pixels in the white: above, its level is not known.
+const MAX_CLIPPED: f64 = 0.5;
+
 /// Bounds of the blur's standard deviation, px. The pixel's own area gives 0.29; above the upper one the edge does
 /// not fit into the margin.
 const BLUR: (f64, f64) = (0.4, 1.04);
@@ -138,14 +141,19 @@ fn start(
         hole: square(candidate.inner - CLEAR_PX),
         black: (square(candidate.inner + clear), square(candidate.outer - clear)),
         margin: (square(candidate.outer + CLEAR_PX), square(candidate.outer + MARGIN)),
+        clipped: Lanes::splat((full - 0.5 - middle) as f32),
     };
     let mut sum = [Lanes::ZERO; STARTED];
     patch.visit(centre, inverse(&shape, candidate.outer + MARGIN), (0, 2), |dx, dy, value| {
         bands.add(dx, dy, value, &mut sum);
     });
-    let [n, s, ss, whites, white_s, white_x, white_y, x, y, xx, yy, blacks, black_s] = sum.map(Lanes::sum);
+    let [n, s, ss, whites, white_s, white_x, white_y, x, y, xx, yy, blacks, black_s, clipped] =
+        sum.map(Lanes::sum);
     if whites < 4.0 || blacks < 2.0 {
         return Err(Refusal::LowContrast);
+    }
+    if clipped > MAX_CLIPPED * whites {
+        return Err(Refusal::Saturated);
     }
     let (white, black) = (white_s / whites, black_s / blacks);
     let contrast = white - black;
@@ -181,10 +189,12 @@ struct Bands {
     black: (Lanes, Lanes),
     /// ... and between these white; beyond the last nothing counts.
     margin: (Lanes, Lanes),
+    /// Values above this are saturated.
+    clipped: Lanes,
 }
 
 /// Sums of the start.
-const STARTED: usize = 13;
+const STARTED: usize = 14;
 
 impl Bands {
     /// The sums of [`start`]. Not inlined, with the sums in memory: so the compiler keeps the four together.
@@ -213,6 +223,7 @@ impl Bands {
             white_y * dy,
             black,
             black * value,
+            white * self.clipped.less(value),
         ];
         sum.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
     }

@@ -149,7 +149,11 @@ impl Tracker {
         let size = (window.width, window.height);
         let candidate =
             candidate::find(&self.components, size, search, predicted, &self.settings).map_err(|miss| {
-                Miss { cut_at: miss.cut_at.map(|cut| [cut[0] + origin[0], cut[1] + origin[1]]), ..miss }
+                let cut_at = miss.cut_at.map(|cut| [cut[0] + origin[0], cut[1] + origin[1]]);
+                match cut_at {
+                    Some(cut) if leaves(frame, search, cut) => refused(Refusal::CutByPicture),
+                    _ => Miss { cut_at, ..miss },
+                }
             })?;
         let scale = f64::from(full_scale(frame)) / 255.0;
         let levels = (levels.dark * scale, levels.bright * scale);
@@ -157,3 +161,14 @@ impl Tracker {
             .map_err(refused)
     }
 }
+
+/// Whether a ring with its centre `at` is not wholly in the picture.
+fn leaves(frame: &Frame, search: &Search, at: [f64; 2]) -> bool {
+    let size = [f64::from(frame.width()), f64::from(frame.height())];
+    // Half the predicted ellipse's extent along u and v.
+    let half = [0, 2].map(|i| 2.0 * libm::sqrt(search.shape[i].max(0.0)));
+    (0..2).any(|i| at[i] - half[i] < -0.5 || at[i] + half[i] > size[i] - 0.5)
+}
+
+#[cfg(test)]
+mod tests;
