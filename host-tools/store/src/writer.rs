@@ -129,6 +129,7 @@ impl SessionWriter {
     /// A full disk.
     pub fn finish(mut self, why: &str, tally: &Tally) -> Result<PathBuf, StoreError> {
         let io = |e| StoreError::io("write", &self.folder, e);
+        self.syncer.failed().map_or(Ok(()), Err).map_err(io)?;
         self.stream.sync_data().map_err(io)?;
         self.index.sync_data().map_err(io)?;
         self.meta.end = Some(End::new(why, utc::readable(utc::now_ns()), tally));
