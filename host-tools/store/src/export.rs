@@ -90,7 +90,7 @@ impl Rows {
             Self::Markers(rows) => {
                 writeln!(out, "{}", MARKER_COLUMNS.join(","))?;
                 for MarkerRow { frame, circle, at_px: [u, v], covariance_px2: [uu, uv, vv], used } in rows {
-                    // Ten digits behind the point: the wire gives 1/1024 px exactly.
+                    // Centres have few digits (1/1024 px on the wire), covariances many zeros.
                     writeln!(out, "{frame},{circle},{u},{v},{uu:e},{uv:e},{vv:e},{}", u8::from(*used))?;
                 }
             }
