@@ -117,9 +117,11 @@ mod tests {
     fn a_peak_of_one_frame_in_hours_is_kept() {
         let mut points: Vec<Point> = (0..100_000).map(|i| point(f64::from(i) * 0.01, 50.0, i > 0)).collect();
         points[61_234].y = 7.0;
+        points[73_456].y = 93.0;
         let reduced = reduce(&points, 1000.0);
         assert!(reduced.len() <= 2_000, "{}", reduced.len());
         assert_eq!(reduced.iter().filter(|p| p.y == 7.0).count(), 1);
+        assert_eq!(reduced.iter().filter(|p| p.y == 93.0).count(), 1);
         assert_eq!(reduced.iter().filter(|p| !p.joined).count(), 1);
     }
 
