@@ -57,14 +57,18 @@ pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -
     }
 }
 
-/// The mirrored pose, refined; `None` where the set is not planar or both starts lead to one pose.
+/// The mirrored pose, refined, or what the search found beside; `None` where both starts lead to one pose.
 fn second(problem: &Problem, found: &Consensus) -> Option<Fit> {
     if !problem.basis.is_planar() {
-        return None;
+        return found.rival;
     }
     let fit = refine(problem, found.used, &mirrored(problem, &found.fit.pose)).ok()?;
-    let turn = rotation_vector(&(fit.pose.rotation * found.fit.pose.rotation.transpose()));
-    (turn.norm() > SAME_ROTATION).then_some(fit)
+    (!is_same(&fit.pose, &found.fit.pose)).then_some(fit)
+}
+
+/// Whether two minima are one.
+pub(crate) fn is_same(a: &Pose, b: &Pose) -> bool {
+    rotation_vector(&(a.rotation * b.rotation.transpose())).norm() < SAME_ROTATION
 }
 
 /// The plane mirrored on the plane across the line of sight through its centroid.

@@ -2,7 +2,7 @@
 //! the tracker needs to place its window and to correct what it finds (Heikkila 2000, and Hartley and Zisserman 2.2
 //! for the dual conic).
 
-use nalgebra::Vector2;
+use nalgebra::Matrix2;
 
 use crate::geometry::{Circle, Pose};
 use crate::lens::{Lens, LensError};
@@ -46,14 +46,14 @@ pub fn project_circle(circle: &Circle, pose: &Pose, lens: &Lens) -> Result<Proje
         return Err(LensError::Behind);
     }
     let (x, y) = (point.x / point.z, point.y / point.z);
-    let offset = Vector2::new(
+    let offset = [
         (radius2 * axis.x * axis.z + x * across) / denominator,
         (radius2 * axis.y * axis.z + y * across) / denominator,
-    );
-    // The centroid of the distorted disc: the distortion's curvature adds to what perspective does.
+    ];
     let by_ray = jacobian.fixed_columns::<2>(0) * point.z;
-    let bent = lens.mean_bend([x, y], &(by_ray.try_inverse().ok_or(LensError::NotInvertible)?), [uu, uv, vv]);
-    let bias = by_ray * offset + Vector2::from(bent);
+    let to_ray = by_ray.try_inverse().ok_or(LensError::NotInvertible)?;
+    let moments = to_ray * Matrix2::new(uu, uv, uv, vv) * to_ray.transpose();
+    let [u, v] = lens.centroid([x + offset[0], y + offset[1]], &moments);
     let diameter_px = 4.0 * libm::sqrt(larger.max(0.0));
-    Ok(Projected { centre, shape: [uu, uv, vv], bias: bias.into(), diameter_px })
+    Ok(Projected { centre, shape: [uu, uv, vv], bias: [u - centre[0], v - centre[1]], diameter_px })
 }

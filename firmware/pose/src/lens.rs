@@ -167,22 +167,24 @@ impl Lens {
         })
     }
 
-    /// How far the mean of a small patch's pixels lies from the pixel of its mean: half the second derivative of the
-    /// distortion times the patch's moments. `shape` are the moments in pixels, `to_ray` takes pixels to rays.
-    pub(crate) fn mean_bend(&self, [x, y]: [f64; 2], to_ray: &Matrix2<f64>, shape: [f64; 3]) -> [f64; 2] {
-        let moments = to_ray * Matrix2::new(shape[0], shape[1], shape[1], shape[2]) * to_ray.transpose();
-        // Cholesky factor of the moments: two steps whose squares add up to them.
-        let ax = libm::sqrt(moments.m11.max(0.0));
-        let ay = if ax > 0.0 { moments.m12 / ax } else { 0.0 };
-        let by = libm::sqrt((moments.m22 - ay * ay).max(0.0));
-        let here = self.distort(x, y);
-        let (mut bend_x, mut bend_y) = (0.0, 0.0);
+    /// The centroid, px, of a patch whose centroid before the distortion is the ray (x, y), with second moments
+    /// `moments` there: four points stand for the patch, each with the area that the distortion gives it.
+    pub(crate) fn centroid(&self, [x, y]: [f64; 2], moments: &Matrix2<f64>) -> [f64; 2] {
+        // Two steps whose squares, doubled and averaged over the four points, add up to the moments.
+        let two = core::f64::consts::SQRT_2;
+        let along = libm::sqrt(moments.m11.max(0.0));
+        let (ax, ay) = (two * along, if along > 0.0 { two * moments.m12 / along } else { 0.0 });
+        let by = libm::sqrt((2.0 * moments.m22 - ay * ay).max(0.0));
+        let (mut sum_x, mut sum_y, mut areas) = (0.0, 0.0, 0.0);
         for (dx, dy) in [(ax, ay), (-ax, -ay), (0.0, by), (0.0, -by)] {
-            let there = self.distort(x + dx, y + dy);
-            bend_x += 0.5 * (there.x - here.x - here.xx * dx - here.xy * dy);
-            bend_y += 0.5 * (there.y - here.y - here.xy * dx - here.yy * dy);
+            let d = self.distort(x + dx, y + dy);
+            let area = d.xx * d.yy - d.xy * d.xy;
+            sum_x += area * d.x;
+            sum_y += area * d.y;
+            areas += area;
         }
-        [self.focal[0] * bend_x + self.skew * bend_y, self.focal[1] * bend_y]
+        let (x, y) = (sum_x / areas, sum_y / areas);
+        [self.focal[0] * x + self.skew * y + self.principal[0], self.focal[1] * y + self.principal[1]]
     }
 
     #[inline(always)]

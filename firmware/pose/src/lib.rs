@@ -1,8 +1,8 @@
 //! From circle centres to the pose of a carbody, with covariance.
 //!
 //! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
-//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` (what
-//! does not fit), `ambiguity` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
+//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` with
+//! `p3p` (what does not fit), `ambiguity` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
 //! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -23,6 +23,7 @@ mod lens;
 mod linear;
 mod motion;
 mod normal;
+mod p3p;
 mod problem;
 mod refine;
 mod rest;

@@ -12,7 +12,7 @@ use crate::problem::Row;
 
 /// Spread across the best line below this share of the spread along it: one line.
 const LINE: f64 = 1e-3;
-/// Spread across the best plane below this share of the largest spread: one plane.
+/// Spread across the best plane below this share of the smaller spread in it: one plane.
 const PLANE: f64 = 0.02;
 
 /// Centroid and principal axes of the points.
@@ -59,7 +59,7 @@ impl Basis {
 
     /// Whether the points lie in one plane, or so near to it that the start may take them so.
     pub(crate) fn is_planar(&self) -> bool {
-        self.sigma[2] < PLANE * self.sigma[0]
+        self.sigma[2] < PLANE * self.sigma[1]
     }
 
     /// (1, a_1, ...) of a point: N - 1 axes are used.

@@ -10,9 +10,11 @@ use crate::problem::{Problem, camera_point};
 
 /// Evaluations after which it ends in any case.
 const MAX_EVALUATIONS: usize = 30;
-/// It ends when the step that would come next changes the weighted sum of squares by less than this: a
-/// ten-thousandth of the pose's standard deviation.
-const CONVERGED: f64 = 1e-8;
+/// A step that promises to change the weighted sum of squares by less than this is the last: a thousandth of the
+/// pose's standard deviation ...
+const LAST_STEP: f64 = 1e-6;
+/// ... if the step after it, at the rate of the last two, would change it by less than this.
+const CONVERGED: f64 = 1e-12;
 
 /// A refined pose.
 #[derive(Clone, Copy)]
@@ -38,7 +40,8 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
         let promised: f64 = here.g.iter().zip([vx, vy, vz, wx, wy, wz]).map(|(g, d)| g * d).sum();
         let next = pose.perturbed([vx, vy, vz], [wx, wy, wz]);
         // Steps shrink at least as fast as they did last time, so the next one's decrease is known beforehand.
-        if damping == 0.0 && (promised < CONVERGED || promised * promised < CONVERGED * before) {
+        let settled = promised < LAST_STEP && promised * promised < CONVERGED * before;
+        if damping == 0.0 && (settled || promised < CONVERGED) {
             let chi2 = (here.chi2 - promised).max(0.0);
             return Ok(Fit { pose: next.orthonormalised(), covariance: factor.inverse(), chi2 });
         }

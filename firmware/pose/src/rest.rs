@@ -1,5 +1,5 @@
 //! The rest pose: robust mean of the poses of the rest interval (thesis 5.3.2: a poor first frame biases every
-//! later one). Mean on SO(3) x R^3 by iteration in the tangent space, Huber's weights.
+//! later one). Mean on SO(3) x R^3 by iteration in the tangent space, weights that fall to zero.
 
 use heapless::Vec;
 use nalgebra::{Matrix6, Vector6};
@@ -12,13 +12,13 @@ use crate::{PoseError, Solution};
 pub const MAX_REST_POSES: usize = 256;
 /// Iterations after which it ends in any case; three to six are usual.
 const ITERATIONS: usize = 30;
-/// Weighted distances up to this many times the typical one have full weight.
-const HUBER: f64 = 1.5;
+/// Poses up to this many times the typical distance from the mean have full weight; at twice as many, none.
+const FULL_WEIGHT: f64 = 2.0;
 
 /// The robust mean of poses at rest and its covariance.
 ///
-/// Each pose counts by its own covariance and, beyond 1.5 times the typical distance from the mean, by the
-/// inverse of that distance. The covariance of the mean is enlarged where the poses scatter more than their own
+/// Each pose counts by its own covariance, less from twice the median distance to the mean, and from four times
+/// not at all. The covariance of the mean is enlarged where the poses scatter more than their own
 /// covariances say (vibration).
 pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
     if solutions.is_empty() {
@@ -45,8 +45,8 @@ pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
         let mut g = Vector6::zeros();
         let (mut scatter, mut weights) = (0.0, 0.0);
         for ((solution, information), distance) in solutions.iter().zip(&information).zip(&distances) {
-            let limit = HUBER * typical;
-            let weight = if *distance > limit { limit / distance } else { 1.0 };
+            let limit = FULL_WEIGHT * typical;
+            let weight = if *distance > limit { (2.0 - distance / limit).max(0.0) } else { 1.0 };
             h += information * weight;
             g += information * difference(&solution.pose, &mean) * weight;
             scatter += weight * distance * distance;

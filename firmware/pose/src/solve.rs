@@ -9,7 +9,7 @@ use crate::epnp::epnp;
 use crate::geometry::{Observation, Pose};
 use crate::homography::homography;
 use crate::lens::Lens;
-use crate::problem::{Problem, Rays};
+use crate::problem::{MIN_CIRCLES, Problem, Rays};
 use crate::refine::refine;
 use crate::robust::{self, Consensus};
 use crate::{Method, PoseError, Settings};
@@ -29,7 +29,8 @@ pub struct Solution {
     pub residual_px: f64,
     /// Bit i is set where observation i went into the pose; the others were beyond the gate.
     pub used: u64,
-    /// The second pose that a planar set has, where there is one.
+    /// The second pose that a planar set has, where there is one; after a cold start also that of four circles in
+    /// space.
     pub alternative: Option<Alternative>,
 }
 
@@ -62,7 +63,11 @@ fn cold(problem: &Problem) -> Result<Consensus, PoseError> {
     match first_pose(problem, &rays) {
         Ok(start) => {
             if let Some(found) = from_start(problem, &start) {
-                return Ok(found);
+                return Ok(if has_minimal_ambiguity(problem) {
+                    better_of_search(problem, &rays, found)
+                } else {
+                    found
+                });
             }
         }
         // What the chosen method cannot do is said, not mended behind the user's back.
@@ -70,6 +75,24 @@ fn cold(problem: &Problem) -> Result<Consensus, PoseError> {
         Err(_) => {}
     }
     robust::search(problem, &rays)
+}
+
+/// Four circles in space: three of them have up to four poses, and the fourth may tell them apart by little.
+fn has_minimal_ambiguity(problem: &Problem) -> bool {
+    problem.rows.len() == MIN_CIRCLES && !problem.basis.is_planar()
+}
+
+/// The better of a consensus and what the search over all triples finds; the other one is remembered.
+fn better_of_search(problem: &Problem, rays: &Rays, found: Consensus) -> Consensus {
+    let Ok(mut best) = robust::search(problem, rays) else { return found };
+    if found.fit.chi2 < best.fit.chi2 {
+        let other =
+            if ambiguity::is_same(&found.fit.pose, &best.fit.pose) { best.rival } else { Some(best.fit) };
+        best = Consensus { rival: other, ..found };
+    } else if best.rival.is_none() && !ambiguity::is_same(&found.fit.pose, &best.fit.pose) {
+        best.rival = Some(found.fit);
+    }
+    best
 }
 
 /// The first pose by the method of the settings.
