@@ -43,7 +43,7 @@ fn every_frame_of_a_recording_has_its_record_and_one_line_closes() {
     assert_eq!((capture.missing, capture.damaged), (0, 0));
     assert!(capture.has("Ended"));
     let said = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
-    assert!(said.starts_with("12 frames, ") && said.ends_with("; to file:ride.gw\n"), "{said}");
+    assert!(said.starts_with("12 frames, 3 poses, ") && said.ends_with("; to file:ride.gw\n"), "{said}");
     assert_eq!(said.lines().count(), 1);
 }
 
