@@ -34,7 +34,7 @@ pub enum Allowed {
     /// Least and greatest value of each number.
     Between(f64, f64),
     /// Least and greatest length of a text, bytes.
-    Bytes(f64, f64),
+    Bytes(usize, usize),
     /// One of these words.
     Words(&'static [&'static str]),
     /// True or false.
@@ -87,7 +87,7 @@ impl Setup {
 
 fn allowed<T: Clone>(key: &Key<T>, defaults: &T) -> Allowed {
     match (key.slot)(&mut defaults.clone()) {
-        Slot::Text(_) => Allowed::Bytes(key.least, key.greatest),
+        Slot::Text(_) => Allowed::Bytes(key.least as usize, key.greatest as usize),
         Slot::Word(word) => Allowed::Words(word.words()),
         Slot::Flag(_) => Allowed::Flag,
         _ => Allowed::Between(key.least, key.greatest),
