@@ -13,12 +13,15 @@ const FEWEST_CIRCLES: usize = 4;
 /// Points are on one line if none is further from it than this share of their extent: the pose of anything
 /// narrower drowns in noise.
 const ON_A_LINE: f64 = 0.01;
+/// The lens is tried at the nodes of a grid over the picture, this many steps wide and high.
+const LENS_STEPS: u16 = 32;
 /// Two rings cannot show nearer to each other than the smallest ring that can be measured is wide, px.
 const NEAREST_SEEDS_PX: f64 = 6.0;
 
 impl Document<'_> {
     /// Checks the parts that could be read; what has a mistake already is left in peace.
     pub(crate) fn check(&mut self, parts: &Parts) {
+        self.check_lens(parts);
         self.check_limits(parts);
         for (i, target) in parts.targets.iter().enumerate() {
             self.check_name(&parts.targets, i);
@@ -31,13 +34,41 @@ impl Document<'_> {
         if self.is_clean("target") {
             self.check_all(parts);
         }
+        if self.mistakes.is_empty() {
+            self.check_fit(parts);
+        }
     }
 
+    /// Whether nothing is wrong yet with a section or a key, nor is it missing.
     fn is_clean(&self, path: &str) -> bool {
-        !self.mistakes.iter().any(|mistake| {
-            let sentence = mistake.sentence.strip_prefix('[').unwrap_or(&mistake.sentence);
-            sentence.trim_start_matches('[').starts_with(path)
-        })
+        !self.meant.contains(path)
+            && !self.mistakes.iter().any(|mistake| {
+                let sentence = mistake.sentence.strip_prefix('[').unwrap_or(&mistake.sentence);
+                sentence.trim_start_matches('[').starts_with(path)
+            })
+    }
+
+    /// A pixel without a ray could not be measured in.
+    fn check_lens(&mut self, parts: &Parts) {
+        if !self.is_clean("camera") {
+            return;
+        }
+        let (lens, camera) = (crate::lens(&parts.camera), &parts.camera);
+        let (right, bottom) = (f64::from(camera.width_px) - 1.0, f64::from(camera.height_px) - 1.0);
+        let steps = 0..=LENS_STEPS;
+        let pixels = steps.clone().flat_map(|i| steps.clone().map(move |k| [i, k]));
+        let mut blind = pixels
+            .map(|[i, k]| [right * f64::from(i), bottom * f64::from(k)].map(|p| p / f64::from(LENS_STEPS)))
+            .filter(|pixel| lens.pixel_to_ray(*pixel).is_err());
+        if let Some([u, v]) = blind.next() {
+            self.at_path(
+                "camera.distortion",
+                format!(
+                    "camera.distortion is not invertible at pixel [{u:.0}, {v:.0}]; it must be everywhere \
+                     in the picture: check the order k1, k2, p1, p2, k3 and the signs"
+                ),
+            );
+        }
     }
 
     fn check_limits(&mut self, parts: &Parts) {

@@ -1,7 +1,7 @@
 //! From the file's TOML to [`Parts`], by the table of settings: every value with its line, every mistake
 //! with its sentence.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use toml::Spanned;
@@ -19,12 +19,14 @@ pub(crate) struct Document<'t> {
     pub(crate) mistakes: Vec<Mistake>,
     /// The line of every path that the file says.
     pub(crate) lines: BTreeMap<String, usize>,
+    /// Paths that are probably meant by keys that are not known: not to be missed once more.
+    pub(crate) meant: BTreeSet<String>,
 }
 
 impl<'t> Document<'t> {
     /// Opens a text.
     pub(crate) fn new(text: &'t str) -> Self {
-        Self { text, mistakes: Vec::new(), lines: BTreeMap::new() }
+        Self { text, mistakes: Vec::new(), lines: BTreeMap::new(), meant: BTreeSet::new() }
     }
 
     /// Reads the whole file; what it does not say, or says wrongly, keeps its default. `None`: no TOML.
@@ -36,7 +38,10 @@ impl<'t> Document<'t> {
             // One mistake in the writing often leads to others further on in its line.
             if !self.mistakes.iter().any(|mistake| mistake.line == line) {
                 let message: Vec<&str> = error.message().lines().map(str::trim).collect();
-                self.at(line, format!("this is not TOML: {}", message.join("; ")));
+                let at = error.span().and_then(|span| self.text.get(span)).map(clip);
+                let at =
+                    at.filter(|at| !at.trim().is_empty()).map_or(String::new(), |at| format!(" at {at}"));
+                self.at(line, format!("this is not TOML{at}: {}", message.join("; ")));
             }
         }
         if !self.mistakes.is_empty() {
@@ -61,7 +66,7 @@ impl<'t> Document<'t> {
                         self.wrong(name, value, &format!("a table, [{name}]"));
                     }
                 }
-            } else if section.required {
+            } else if section.required && !self.meant.contains(section.name) {
                 self.at(None, format!("[{}] is missing; {}", section.name, needs(section.keys)));
             }
         }
@@ -71,6 +76,9 @@ impl<'t> Document<'t> {
 
     fn targets(&mut self, document: &DeTable, parts: &mut Parts) {
         let Some(value) = document.get("target") else {
+            if self.meant.contains("target") {
+                return;
+            }
             self.at(None, format!("[[target]] is missing; at least one is needed, and {}", needs(TARGET)));
             return;
         };
@@ -111,7 +119,7 @@ impl<'t> Document<'t> {
                     self.lines.insert(path.clone(), line);
                     self.value(&path, key, &mut slot, value);
                 }
-                None if key.required => {
+                None if key.required && !self.meant.contains(&path) => {
                     let allowed = key.allowed(&slot);
                     self.at(line, format!("{path} is missing; it must be {allowed}"));
                 }
@@ -206,7 +214,15 @@ impl<'t> Document<'t> {
             }
             let path = if section.is_empty() { clip(name) } else { format!("{section}.{}", clip(name)) };
             let line = Some(self.line(&key.span()));
-            let hint = match (nearest(name, known), elsewhere(name, is_in)) {
+            let near = nearest(name, known);
+            if let Some(near) = near {
+                self.meant.insert(if section.is_empty() {
+                    near.to_owned()
+                } else {
+                    format!("{section}.{near}")
+                });
+            }
+            let hint = match (near, elsewhere(name, is_in)) {
                 (Some(near), _) => format!("did you mean {near}?"),
                 (None, Some(place)) => format!("it belongs {place}"),
                 (None, None) => format!("known here: {}", known.join(", ")),
@@ -217,11 +233,13 @@ impl<'t> Document<'t> {
 
     /// Notes a value that cannot be taken.
     fn wrong(&mut self, path: &str, value: &Spanned<DeValue>, must: &str) {
+        let written = self.text.get(value.span()).unwrap_or_default();
+        let short = written.chars().count() <= CLIP && !written.contains('\n');
+        // As it is written, or what it is where that is long.
         let what = match value.get_ref() {
-            DeValue::Array(items) => format!("a list of {}", items.len()),
+            DeValue::Array(items) if !short => format!("a list of {}", items.len()),
             DeValue::Table(_) => "a table".to_owned(),
-            // Everything else as it is written.
-            _ => clip(self.text.get(value.span()).unwrap_or("something else")),
+            _ => clip(written),
         };
         self.at(Some(self.line(&value.span())), format!("{path} is {what}; it must be {must}"));
     }
@@ -257,6 +275,9 @@ fn whole(value: &DeValue) -> Option<f64> {
     let integer = value.as_integer()?;
     i128::from_str_radix(integer.as_str(), integer.radix()).ok().map(|number| number as f64)
 }
+
+/// Longest piece of a file in a sentence, characters.
+const CLIP: usize = 40;
 
 /// A piece of the file, short enough for a sentence and without line breaks.
 fn clip(text: &str) -> String {

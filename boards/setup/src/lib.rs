@@ -7,11 +7,14 @@
 mod check;
 mod document;
 mod error;
+mod fit;
 mod geometry;
 mod parts;
 mod show;
 mod slot;
 mod table;
+#[cfg(test)]
+mod tests;
 mod write;
 
 use std::collections::BTreeMap;
@@ -135,15 +138,7 @@ impl Setup {
         let _ = settings.name.push_str(&parts.name);
         let _ = settings.text.push_str(&self.text);
         for (i, target) in parts.targets.iter().enumerate() {
-            let normal = geometry::axes(target)[2].into();
-            for (k, point) in geometry::points(target).into_iter().enumerate() {
-                let circle = Circle {
-                    point: point.into(),
-                    normal,
-                    outer_mm: target.outer_diameter_mm,
-                    inner_mm: target.inner_diameter_mm,
-                    target: i as u8,
-                };
+            for (k, circle) in circles(i, target).into_iter().enumerate() {
                 let _ = settings.circles.push(circle);
                 let _ = settings.seeds.push(target.seeds_px.get(k).copied());
             }
@@ -158,6 +153,19 @@ pub fn digest(text: &str) -> [u8; 16] {
     let mut digest = [0; 16];
     digest.copy_from_slice(&hash[..16]);
     digest
+}
+
+/// The circles of the target with this number.
+fn circles(number: usize, target: &Target) -> Vec<Circle> {
+    let normal = geometry::axes(target)[2].into();
+    let circle = |point: geometry::Vector| Circle {
+        point: point.into(),
+        normal,
+        outer_mm: target.outer_diameter_mm,
+        inner_mm: target.inner_diameter_mm,
+        target: number as u8,
+    };
+    geometry::points(target).into_iter().map(circle).collect()
 }
 
 fn lens(camera: &Camera) -> Lens {

@@ -111,9 +111,9 @@ pub fn reference() -> String {
 }
 
 fn tables<T: Clone>(text: &mut String, name: &str, keys: &[Key<T>], defaults: &T) {
-    let _ = write!(
-        text,
-        "### {name}\n\n| key | type | unit | default | allowed | meaning | thesis |\n|---|---|---|---|---|---|---|\n"
+    let _ = writeln!(text, "### {name}\n");
+    text.push_str(
+        "| key | type | unit | default | allowed | meaning | thesis |\n|---|---|---|---|---|---|---|\n",
     );
     for key in keys {
         let kind = match (key.slot)(&mut defaults.clone()) {
