@@ -8,6 +8,7 @@ mod export;
 mod receive;
 mod send;
 mod setup;
+mod simulate;
 
 use std::fmt;
 use std::io::{self, Write as _};
@@ -27,6 +28,8 @@ struct Cli {
 enum Command {
     /// Check a setup file, or show every setting it results in.
     Setup(setup::Args),
+    /// Render a scene: frames, exact truth and the setup file.
+    Simulate(simulate::Args),
     /// Receive from one or several boxes into sessions on disk.
     Receive(receive::Args),
     /// Show a capture, a session or standard input record by record.
@@ -54,6 +57,7 @@ impl std::error::Error for Usage {}
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Setup(args) => setup::run(args),
+        Command::Simulate(args) => simulate::run(args),
         Command::Receive(args) => receive::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Export(args) => export::run(args),

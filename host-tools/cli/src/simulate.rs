@@ -1,0 +1,87 @@
+//! `gangway simulate`: a scene as frames, exact truth and the setup file for a box that watches it.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::bail;
+use gangway_scene::{BUILTIN, Format, Scene};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{Usage, tell};
+
+/// Arguments of `gangway simulate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A built-in scene (rig, ride) or a scene file.
+    scene: String,
+    /// Directory for frames, truth.csv and setup.toml; made if need be.
+    #[arg(long, value_name = "DIR", required_unless_present = "print")]
+    out: Option<PathBuf>,
+    /// Number of frames, instead of the scene's own.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: Option<u32>,
+    /// Seed of background and noise, instead of the scene's own.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// How the frames are written.
+    #[arg(long, value_enum, default_value_t = Frames::Y4m)]
+    format: Frames,
+    /// Print a built-in scene's file, to start one's own from, and do nothing else.
+    #[arg(long)]
+    print: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Frames {
+    /// frames.y4m, one file.
+    Y4m,
+    /// frames/, a PNG file a frame.
+    Png,
+}
+
+/// Runs `gangway simulate`.
+pub(crate) fn run(args: Args) -> anyhow::Result<()> {
+    let builtin = BUILTIN.iter().find(|(name, _)| *name == args.scene);
+    let Some(out) = args.out.filter(|_| !args.print) else {
+        let Some((_, text)) = builtin else {
+            bail!(Usage("--print takes the name of a built-in scene: rig, ride".to_owned()));
+        };
+        print!("{text}");
+        return Ok(());
+    };
+    let path = Path::new(&args.scene);
+    // A plain word that is no file was meant as a built-in scene: the error then says which there are.
+    let word = !path.exists() && path.extension().is_none() && path.components().count() == 1;
+    let mut scene = if builtin.is_some() || word { Scene::builtin(&args.scene)? } else { Scene::read(path)? };
+    if let Some(frames) = args.frames {
+        scene = scene.with_frames(frames);
+    }
+    if let Some(seed) = args.seed {
+        scene = scene.with_seed(seed);
+    }
+    let format = match args.format {
+        Frames::Y4m => Format::Y4m,
+        Frames::Png => Format::Png,
+    };
+    // Hidden by itself where standard error is no terminal.
+    let bar = ProgressBar::new(scene.frames().into());
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_message(scene.name().to_owned());
+    bar.enable_steady_tick(Duration::from_millis(250));
+    let written = scene.write(&out, format, |done| bar.set_position(done.into()));
+    bar.finish_and_clear();
+    let written = written?;
+    let (width, height) = scene.size();
+    tell(&format!(
+        "{}: {} frames of {width} x {height}, {} bit, in {}; truth in {}, setup in {}",
+        scene.name(),
+        scene.frames(),
+        scene.bits(),
+        written.frames.display(),
+        written.truth.display(),
+        written.setup.display()
+    ));
+    Ok(())
+}
