@@ -59,5 +59,24 @@ fn pose(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, pose);
+/// What a frame costs at worst: a third of the circles wrong.
+fn pose_among_wrong_circles(criterion: &mut Criterion) {
+    let settings = Settings::default();
+    let mut group = criterion.benchmark_group("30 % wrong");
+    for (circles, mut observations, prior, lens) in cases().into_iter().skip(1) {
+        let wrong = observations.len() * 3 / 10;
+        for (observation, i) in observations.iter_mut().zip(0..wrong) {
+            observation.centre.at[i % 2] += 40.0 + 9.0 * i as f64;
+        }
+        for (start, prior) in [("cold", None), ("warm", Some(&prior))] {
+            assert!(solve(&observations, &lens, &settings, prior).is_ok(), "{start} {circles}");
+            group.bench_function(BenchmarkId::new(start, circles), |b| {
+                b.iter(|| solve(black_box(&observations), black_box(&lens), &settings, black_box(prior)));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, pose, pose_among_wrong_circles);
 criterion_main!(benches);

@@ -30,6 +30,7 @@ pub struct Alternative {
 /// prior the one that follows from it, as long as the other is not clearly better.
 pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -> Solution {
     let mut fit = found.fit;
+    let mut px2 = found.px2;
     let mut other = second(problem, found);
     if let Some(mirrored) = other.as_mut() {
         let better = if from_prior {
@@ -39,19 +40,15 @@ pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -
         };
         if better {
             core::mem::swap(&mut fit, mirrored);
+            px2 = problem.masked(found.used).map(|(_, row)| problem.error(row, &fit.pose).px2).sum();
         }
-    }
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (_, row) in problem.masked(found.used) {
-        sum += problem.error(row, &fit.pose).px2;
-        count += 1.0;
     }
     let alternative =
         other.map(|o| Alternative { pose: o.pose, ratio: libm::sqrt(o.chi2 / fit.chi2.max(1e-300)) });
     Solution {
         pose: fit.pose,
         covariance: fit.covariance,
-        residual_px: libm::sqrt(sum / count),
+        residual_px: libm::sqrt(px2 / f64::from(found.used.count_ones())),
         used: found.used,
         alternative,
     }

@@ -30,6 +30,8 @@ const RIVAL: f64 = 20.0;
 pub(crate) struct Consensus {
     pub(crate) fit: Fit,
     pub(crate) used: u64,
+    /// Their squared reprojection errors summed, px^2.
+    pub(crate) px2: f64,
     /// Another pose that as many circles agree on, where the search came upon one.
     pub(crate) rival: Option<Fit>,
 }
@@ -46,13 +48,15 @@ fn shrink(problem: &Problem, mut used: u64, mut fit: Fit) -> Option<Consensus> {
     let least = least_used(problem);
     loop {
         let mut worst: Option<(f64, usize)> = None;
+        let mut px2 = 0.0;
         for (i, row) in problem.masked(used) {
             let error = problem.error(row, &fit.pose);
+            px2 += error.px2;
             if problem.is_beyond_gate(&error) && worst.is_none_or(|(most, _)| error.chi2 > most) {
                 worst = Some((error.chi2, i));
             }
         }
-        let Some((_, i)) = worst else { return Some(Consensus { fit, used, rival: None }) };
+        let Some((_, i)) = worst else { return Some(Consensus { fit, used, px2, rival: None }) };
         used &= !(1 << i);
         if (used.count_ones() as usize) < least {
             return None;
