@@ -15,12 +15,12 @@ pub struct Mistake {
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     /// The file could not be read.
-    #[error("{name} cannot be read: {source}")]
+    #[error("{name} cannot be read: {cause}")]
     Read {
         /// Name of the file.
         name: String,
         /// What the system said.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The file has mistakes: one line each, `name:line: sentence`.
     #[error("{}", Lines(name, mistakes))]

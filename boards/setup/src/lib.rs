@@ -50,8 +50,8 @@ impl Setup {
         // One byte more than allowed is enough to know that a file is too long, whatever it is.
         let read = std::fs::File::open(path)
             .and_then(|file| file.take(MAX_SETUP_TEXT as u64 + 1).read_to_end(&mut bytes));
-        if let Err(source) = read {
-            return Err(SetupError::Read { name, source });
+        if let Err(cause) = read {
+            return Err(SetupError::Read { name, cause });
         }
         if bytes.len() > MAX_SETUP_TEXT {
             return Err(too_long(&name));

@@ -39,7 +39,9 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
             writeln!(out, "{}: {}", file.display(), summary(&setup))?;
         }
         Action::Show { file, json: true } => {
-            serde_json::to_writer_pretty(&mut out, &as_json(&file, &Setup::read(&file)?))?;
+            // As an error of the system, so that a closed pipe is known as one.
+            serde_json::to_writer_pretty(&mut out, &as_json(&file, &Setup::read(&file)?))
+                .map_err(io::Error::from)?;
             writeln!(out)?;
         }
         Action::Show { file, json: false } => {
