@@ -65,6 +65,31 @@ struct Model {
 }
 
 impl Model {
+    /// Square root of the inverse of `shape`: takes the outer ellipse to a circle of its own area.
+    fn root(&self) -> [f64; 3] {
+        // Cayley-Hamilton, for a determinant of 1.
+        let [uu, uv, vv] = self.shape;
+        let scale = 1.0 / libm::sqrt(uu + vv + 2.0);
+        [(vv + 1.0) * scale, -uv * scale, (uu + 1.0) * scale]
+    }
+
+    /// A step in the circle's plane as one in the picture.
+    fn out_of_circle(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        // The inverse of a symmetric matrix of determinant 1.
+        let [uu, uv, vv] = self.root();
+        [vv * x - uv * y, uu * y - uv * x]
+    }
+
+    /// Change of a pixel's value where an edge is steepest and moves by 1 px.
+    fn peak(&self) -> f64 {
+        0.9375 / (HALF_WIDTH * self.blur) * self.white * self.depth
+    }
+
+    /// Share of the outer edge in the length of both, and so in the information on the centre.
+    fn outer_share(&self) -> f64 {
+        self.outer / (self.outer + self.inner)
+    }
+
     /// Radius up to which the first pass uses pixels: a little white beyond the edge.
     fn reach(&self) -> f64 {
         self.outer + HALF_WIDTH * self.blur + 0.5
@@ -144,10 +169,16 @@ fn start(
         clipped: Lanes::splat((full - 0.5 - middle) as f32),
     };
     let mut sum = [Lanes::ZERO; STARTED];
-    patch.visit(centre, inverse(&shape, candidate.outer + MARGIN), (0, 2), |dx, dy, value| {
-        bands.add(dx, dy, value, &mut sum);
-    });
-    let [n, s, ss, whites, white_s, white_x, white_y, x, y, xx, yy, blacks, black_s, clipped] =
+    patch.visit(
+        centre,
+        inverse(&shape, candidate.outer + MARGIN),
+        (0, 2),
+        |dy| dy,
+        |&dy, dx, value| {
+            bands.add(dx, dy, value, &mut sum);
+        },
+    );
+    let [n, s, ss, whites, white_s, white_x, white_y, x, y, rr, blacks, black_s, clipped] =
         sum.map(Lanes::sum);
     if whites < 4.0 || blacks < 2.0 {
         return Err(Refusal::LowContrast);
@@ -161,7 +192,8 @@ fn start(
     if !(contrast > settings.min_contrast * full && white + middle > 0.0) {
         return Err(Refusal::LowContrast);
     }
-    let slope = [(white_x - white * x) / xx.max(1.0), (white_y - white * y) / yy.max(1.0)];
+    // The squared distances from the centre are half along u and half along v.
+    let slope = [white_x - white * x, white_y - white * y].map(|sum| 2.0 * sum / rr.max(1.0));
     // Over an edge of blur s, (white - value) (value - black) sums to contrast^2 s / sqrt(pi) a pixel of its
     // length, elsewhere to next to nothing.
     let between = -ss + (white + black) * s - n * white * black;
@@ -194,7 +226,7 @@ struct Bands {
 }
 
 /// Sums of the start.
-const STARTED: usize = 14;
+const STARTED: usize = 13;
 
 impl Bands {
     /// The sums of [`start`]. Not inlined, with the sums in memory: so the compiler keeps the four together.
@@ -219,8 +251,7 @@ impl Bands {
             white_value * dy,
             white_x,
             white_y,
-            white_x * dx,
-            white_y * dy,
+            white * square,
             black,
             black * value,
             white * self.clipped.less(value),
@@ -235,6 +266,15 @@ fn inverse(shape: &[f64; 3], radius: f64) -> [f64; 3] {
     [shape[2] / square, -shape[1] / square, shape[0] / square]
 }
 
+/// A row of the model ring.
+struct Row {
+    /// What the row adds to the place in the plane where the outer ellipse is a circle of its own area, and to the
+    /// white.
+    u: Lanes,
+    v: Lanes,
+    white: Lanes,
+}
+
 /// What one pixel says, four pixels at once.
 struct Pixel {
     /// Value less model.
@@ -243,13 +283,13 @@ struct Pixel {
     covered: Lanes,
     /// 1 where the inner edge is nearer than the outer one, else 0.
     inner: Lanes,
-    /// How much the value falls as the nearer edge moves by 1 px towards its white.
+    /// How much the value falls as the nearer edge moves towards its white, over the greatest such fall.
     steep: Lanes,
     /// Distance from the nearer edge in half widths of the edge, positive in its white, -1 to 1.
     from_edge: Lanes,
-    /// Outward gradient of the radius.
-    gradient: [Lanes; 2],
-    /// Radius in the plane where the outer ellipse is a circle of its own area, px.
+    /// Direction from the centre, in the plane where the ellipse is a circle.
+    direction: [Lanes; 2],
+    /// Radius there, px.
     radius: Lanes,
 }
 
@@ -259,138 +299,118 @@ struct Kernel {
     /// Radius of the middle of the ring and half its thickness, px.
     middle: Lanes,
     half_thickness: Lanes,
-    /// 1 / half width of an edge and its greatest steepness, 1/px.
+    /// 1 / half width of an edge, 1/px.
     per_width: Lanes,
-    peak: Lanes,
     white: Lanes,
     slope: [Lanes; 2],
     depth: Lanes,
-    /// Inner to outer radius, and how far from the outer edge pixels count.
-    ratio: Lanes,
+    /// How far pixels count for the levels.
     reach: Lanes,
 }
 
 /// Sums of the two passes.
-const ADJUSTED: usize = 20;
-const JUDGED: usize = 11;
+const ADJUSTED: usize = 12;
+const JUDGED: usize = 8;
+
+/// Integrals over an edge in units of its half width, with w = (1 - z^2)^2: of w over that of w^2, and of z^2 w^2
+/// over that of w^2.
+const PER_SQUARE: f64 = 1.3125;
+const WIDTH_PER_SQUARE: f64 = 1.0 / 11.0;
 
 impl Kernel {
     fn new(model: &Model) -> Self {
-        // Square root of the shape's inverse, which has determinant 1 (Cayley-Hamilton).
-        let [uu, uv, vv] = model.shape;
-        let scale = 1.0 / libm::sqrt(uu + vv + 2.0);
+        let splat = |x: f64| Lanes::splat(x as f32);
         Self {
-            root: [vv + 1.0, -uv, uu + 1.0].map(|x| Lanes::splat((x * scale) as f32)),
-            middle: Lanes::splat((0.5 * (model.outer + model.inner)) as f32),
-            half_thickness: Lanes::splat((0.5 * (model.outer - model.inner)) as f32),
-            per_width: Lanes::splat((1.0 / (HALF_WIDTH * model.blur)) as f32),
-            peak: Lanes::splat((0.9375 / (HALF_WIDTH * model.blur)) as f32),
-            white: Lanes::splat(model.white as f32),
-            slope: model.slope.map(|x| Lanes::splat(x as f32)),
-            depth: Lanes::splat(model.depth as f32),
-            ratio: Lanes::splat((model.inner / model.outer) as f32),
-            reach: Lanes::splat(model.reach() as f32),
+            root: model.root().map(splat),
+            middle: splat(0.5 * (model.outer + model.inner)),
+            half_thickness: splat(0.5 * (model.outer - model.inner)),
+            per_width: splat(1.0 / (HALF_WIDTH * model.blur)),
+            white: splat(model.white),
+            slope: model.slope.map(splat),
+            depth: splat(model.depth),
+            reach: splat(model.reach()),
         }
     }
 
     #[inline(always)]
-    fn at(&self, dx: Lanes, dy: Lanes, value: Lanes) -> Pixel {
+    fn row(&self, dy: Lanes) -> Row {
+        Row { u: self.root[1] * dy, v: self.root[2] * dy, white: self.white + self.slope[1] * dy }
+    }
+
+    #[inline(always)]
+    fn at(&self, row: &Row, dx: Lanes, value: Lanes) -> Pixel {
         let splat = Lanes::splat;
-        // Into the plane where the ellipse is a circle: the radius there and its gradient here.
-        let (u, v) = (self.root[0] * dx + self.root[1] * dy, self.root[1] * dx + self.root[2] * dy);
+        let (u, v) = (self.root[0] * dx + row.u, self.root[1] * dx + row.v);
         let square = u * u + v * v;
         let per_radius = square.inverse_sqrt();
         let radius = square * per_radius;
-        let (u, v) = (u * per_radius, v * per_radius);
-        let gradient = [self.root[0] * u + self.root[1] * v, self.root[1] * u + self.root[2] * v];
         // The nearer edge is the other's mirror image in the middle of the ring.
-        let inner = radius.less(self.middle);
-        let sign = splat(1.0) - inner - inner;
-        let distance = (radius - self.middle) * sign - self.half_thickness;
+        let from_middle = radius - self.middle;
+        let inner = from_middle.less(Lanes::ZERO);
+        let distance = from_middle.abs() - self.half_thickness;
         let z = (distance * self.per_width).max(splat(-1.0)).min(splat(1.0));
         let z_square = z * z;
         let density = splat(1.0) - z_square;
         // Half less the integral of 15/16 (1 - z^2)^2.
         let covered = splat(0.5) - z * (splat(0.9375) - z_square * (splat(0.625) - splat(0.1875) * z_square));
-        let white = self.white + self.slope[0] * dx + self.slope[1] * dy;
-        let contrast = white * self.depth;
+        let white = row.white + self.slope[0] * dx;
         Pixel {
-            residual: value - white + contrast * covered,
+            residual: value - white + white * (self.depth * covered),
             covered,
             inner,
-            steep: density * density * self.peak * contrast,
+            steep: density * density,
             from_edge: z,
-            gradient,
+            direction: [u * per_radius, v * per_radius],
             radius,
         }
     }
 
     /// The sums of [`adjust`]. Not inlined, with the sums in memory: so the compiler keeps the four together.
     #[inline(never)]
-    fn adjust(&self, dx: Lanes, dy: Lanes, value: Lanes, sum: &mut [Lanes; ADJUSTED]) {
-        let pixel = self.at(dx, dy, value);
-        let inside = pixel.radius.less(self.reach);
-        let residual = pixel.residual * inside;
-        let [gx, gy] = pixel.gradient;
-        let inner_steep = pixel.steep * pixel.inner;
-        let outer_steep = pixel.steep - inner_steep;
-        let edge = inner_steep - outer_steep;
-        // A wider or narrower ellipse moves the inner edge less.
-        let second = self.ratio * inner_steep - outer_steep;
-        let flat = pixel.steep.less(Lanes::splat(1e-6)) * inside;
-        let (jx, jy) = (edge * gx, edge * gy);
-        let second_residual = second * residual;
-        let flat_black = pixel.covered * flat;
-        let outer_residual = outer_steep * residual;
-        let inner_residual = inner_steep * residual;
-        let width = pixel.steep * pixel.from_edge;
+    fn adjust(&self, row: &Row, dx: Lanes, value: Lanes, sum: &mut [Lanes; ADJUSTED]) {
+        let pixel = self.at(row, dx, value);
+        let [x, y] = pixel.direction;
+        let steep_residual = pixel.steep * pixel.residual;
+        let inner_residual = steep_residual * pixel.inner;
+        let outer_residual = steep_residual - inner_residual;
+        let edge_residual = inner_residual - outer_residual;
+        let flat = pixel.steep.less(Lanes::splat(1e-6)) * pixel.radius.less(self.reach);
+        let flat_residual = pixel.residual * flat;
+        let edge_x = edge_residual * x;
         let terms = [
-            jx * residual,
-            jy * residual,
-            jx * jx,
-            jx * jy,
-            jy * jy,
+            edge_x,
+            edge_residual * y,
+            pixel.steep * pixel.steep,
             outer_residual,
-            outer_steep,
-            outer_steep * outer_steep,
             inner_residual,
-            inner_steep,
-            inner_steep * inner_steep,
-            second_residual * (gx * gx - gy * gy),
-            second_residual * (gx * gy),
-            second * second,
+            edge_x * x,
+            edge_x * y,
             flat,
-            flat * residual,
-            flat_black,
-            flat_black * residual,
-            width * residual,
-            width * width,
+            flat_residual,
+            flat * pixel.covered,
+            flat_residual * pixel.covered,
+            steep_residual * pixel.from_edge,
         ];
         sum.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
     }
 
     /// The sums of [`judge`].
     #[inline(never)]
-    fn judge(&self, dx: Lanes, dy: Lanes, value: Lanes, sum: &mut [Lanes; JUDGED]) {
-        let pixel = self.at(dx, dy, value);
-        let [gx, gy] = pixel.gradient;
-        let edge_residual = pixel.steep * pixel.residual;
-        let (jx, jy) = (pixel.steep * gx, pixel.steep * gy);
-        let inner_residual = edge_residual * pixel.inner;
-        let outer_residual = edge_residual - inner_residual;
-        let inner_steep = pixel.steep * pixel.inner;
-        let (outer_x, outer_y) = (outer_residual * gx, outer_residual * gy);
-        let four_xy = gx * gy * Lanes::splat(4.0);
+    fn judge(&self, row: &Row, dx: Lanes, value: Lanes, sum: &mut [Lanes; JUDGED]) {
+        let pixel = self.at(row, dx, value);
+        let [x, y] = pixel.direction;
+        let residual = pixel.steep * pixel.residual;
+        let inner_residual = residual * pixel.inner;
+        let outer_residual = residual - inner_residual;
+        let (outer_x, outer_y) = (outer_residual * x, outer_residual * y);
+        let four_xy = x * y * Lanes::splat(4.0);
         let terms = [
             outer_x,
             outer_y,
-            inner_residual * gx,
-            inner_residual * gy,
-            jx * jx,
-            jx * jy,
-            jy * jy,
-            edge_residual * edge_residual,
-            inner_steep * inner_steep,
+            inner_residual * x,
+            inner_residual * y,
+            pixel.steep * pixel.steep,
+            residual * residual,
             outer_x - outer_y * four_xy,
             outer_x * four_xy - outer_y,
         ];
@@ -402,41 +422,54 @@ impl Kernel {
 fn adjust(patch: &Patch, model: &mut Model, first: usize) -> Result<f64, Refusal> {
     let kernel = Kernel::new(model);
     let mut sum = [Lanes::ZERO; ADJUSTED];
-    patch.visit(model.centre, inverse(&model.shape, model.reach()), (first, 2), |dx, dy, value| {
-        kernel.adjust(dx, dy, value, &mut sum);
-    });
-    let s = sum.map(Lanes::sum);
-    let step = solve([s[2], s[3], s[4]], [s[0], s[1]]).ok_or(Refusal::Outline)?;
-    let (flat_white, flat_black) = (s[14] - s[16], s[16]);
+    patch.visit(
+        model.centre,
+        inverse(&model.shape, model.reach()),
+        (first, 2),
+        |dy| kernel.row(dy),
+        |row, dx, value| kernel.adjust(row, dx, value, &mut sum),
+    );
+    let [x, y, square, outer, inner, xx, xy, flat, flat_residual, flat_black, black_residual, width] =
+        sum.map(Lanes::sum);
+    if square < 1.0 {
+        return Err(Refusal::Outline);
+    }
     // Levels from the pixels that no edge touches; where there are too few, they stay.
-    let white_step = if flat_white > 4.0 { (s[15] - s[17]) / flat_white } else { 0.0 };
-    let black_step = if flat_black > 4.0 { s[17] / flat_black } else { 0.0 };
-    // An edge lies half in the white and half in the black.
-    let both = 0.5 * (white_step + black_step);
-    let outer_step = -(s[5] - both * s[6]) / s[7].max(1e-9);
-    let inner_step = (s[8] - both * s[9]) / s[10].max(1e-9);
-    let cosine = 2.0 * s[11] / s[13].max(1e-9);
-    let sine = 4.0 * s[12] / s[13].max(1e-9);
-
-    let blur_step = -s[18] / s[19].max(1e-9) / HALF_WIDTH;
-
+    let mean = |sum: f64, count: f64| if count > 4.0 { sum / count } else { 0.0 };
+    let white_step = mean(flat_residual - black_residual, flat - flat_black);
+    let black_step = mean(black_residual, flat_black);
     let black = model.white * (1.0 - model.depth) + black_step;
+
+    // What a pixel's value changes by where an edge is steepest and moves by 1 px; sums of steepness by edge.
+    let per_px = model.peak();
+    let share = model.outer_share();
+    let (outer_square, inner_square) = (share * square, (1.0 - share) * square);
+    // An edge lies half in the white and half in the black.
+    let both = 0.5 * (white_step + black_step) * PER_SQUARE;
+    let outer_step = (both - outer / outer_square) / per_px;
+    let inner_step = (inner / inner_square - both) / per_px;
+    // The wider an edge, the darker its white and the brighter its black.
+    let blur_step = -width / (WIDTH_PER_SQUARE * square) / per_px / HALF_WIDTH;
+    let step = model.out_of_circle([2.0 * x / square / per_px, 2.0 * y / square / per_px]);
+    // An ellipse that is wider along x and narrower along y by a share a of its radius.
+    let lever = 0.5 * square * per_px * (share * model.outer + (1.0 - share) * model.inner);
+    let cosine = (2.0 * xx - (inner - outer)) / lever;
+    let sine = 2.0 * xy / lever;
+
     model.white += white_step;
     model.depth = 1.0 - black / model.white;
     model.outer += outer_step;
     model.inner += inner_step;
     model.blur = (model.blur + blur_step).clamp(BLUR.0, BLUR.1);
-    // An edge moved out by a cos 2p + b sin 2p changes the moments so.
-    let (a, b) = (2.0 * cosine / model.outer, 2.0 * sine / model.outer);
-    let shape = [model.shape[0] + a, model.shape[1] + b, model.shape[2] - a];
-    let square = shape[0] * shape[2] - shape[1] * shape[1];
+    let shape = [model.shape[0] + 2.0 * cosine, model.shape[1] + 2.0 * sine, model.shape[2] - 2.0 * cosine];
+    let determinant = shape[0] * shape[2] - shape[1] * shape[1];
     let length = libm::hypot(step[0], step[1]);
-    let moved = [outer_step, inner_step, cosine, sine, length].iter().all(|step| step.abs() < 2.0);
+    let moved = [outer_step, inner_step, length].iter().all(|step| step.abs() < 2.0);
     // Written so that a NaN is refused too.
-    if !(moved && square > 0.01 && model.depth > 0.0 && model.white > 0.0 && model.inner > 0.5) {
+    if !(moved && determinant > 0.01 && model.depth > 0.0 && model.white > 0.0 && model.inner > 0.5) {
         return Err(Refusal::Outline);
     }
-    let root = libm::sqrt(square);
+    let root = libm::sqrt(determinant);
     model.shape = shape.map(|moment| moment / root);
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     Ok(length)
@@ -477,44 +510,36 @@ impl Fit {
 /// The last pass, over all rows.
 fn judge(patch: &Patch, model: &Model) -> Result<Fit, Refusal> {
     let kernel = Kernel::new(model);
-    let limit = model.outer + HALF_WIDTH * model.blur;
     let mut sum = [Lanes::ZERO; JUDGED];
-    patch.visit(model.centre, inverse(&model.shape, limit), (0, 1), |dx, dy, value| {
-        kernel.judge(dx, dy, value, &mut sum);
-    });
-    let s = sum.map(Lanes::sum);
-    let information = [s[4], s[5], s[6]];
-    let outer_share = 1.0 - s[8] / (s[4] + s[6]);
+    patch.visit(
+        model.centre,
+        inverse(&model.shape, model.outer + HALF_WIDTH * model.blur),
+        (0, 1),
+        |dy| kernel.row(dy),
+        |row, dx, value| kernel.judge(row, dx, value, &mut sum),
+    );
+    let [outer_x, outer_y, inner_x, inner_y, square, residual, cosine, sine] = sum.map(Lanes::sum);
     // Written so that a NaN is refused too.
-    if !(outer_share > 0.0 && outer_share < 1.0) {
+    if !(square >= 1.0) {
         return Err(Refusal::Outline);
     }
-    // A step outwards makes the outer edge darker, the inner one brighter.
-    let step = solve(information, [s[2] - s[0], s[3] - s[1]]).ok_or(Refusal::Outline)?;
-    let outer = solve(information, [-s[0], -s[1]]).ok_or(Refusal::Outline)?.map(|x| x / outer_share);
-    let inner = [0, 1].map(|i| (step[i] - outer_share * outer[i]) / (1.0 - outer_share));
-    let variance = s[7] / (s[4] + s[6]);
+    let per_px = model.peak();
+    let share = model.outer_share();
+    // A step outwards makes the outer edge darker, the inner one brighter. In the circle's plane the information is
+    // the same in all directions: half the squares for each of two.
+    let scale = 2.0 / (square * per_px);
+    let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
+    let inner = model.out_of_circle([inner_x * scale / (1.0 - share), inner_y * scale / (1.0 - share)]);
+    let step = [0, 1].map(|i| share * outer[i] + (1.0 - share) * inner[i]);
+    // Rounding to whole grey levels is noise too.
+    let variance = (residual / square).max(1.0 / 12.0);
+    let circle = 2.0 * variance / (square * per_px * per_px);
     Ok(Fit {
         step,
-        covariance: covariance(information, variance).ok_or(Refusal::Outline)?,
-        outer_share,
+        covariance: model.shape.map(|moment| moment * circle),
+        outer_share: share,
         apart: libm::hypot(outer[0] - inner[0], outer[1] - inner[1]),
-        third: 2.0 * libm::hypot(s[9], s[10]) / (outer_share * (s[4] + s[6])),
+        third: libm::hypot(cosine, sine) * scale / share,
         residual: libm::sqrt(variance),
     })
-}
-
-/// Solves the symmetric system (uu, uv, vv) x = right; `None` where it is singular or not a number.
-fn solve([uu, uv, vv]: [f64; 3], [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-    let determinant = uu * vv - uv * uv;
-    (determinant > 1e-6 * (uu * vv).abs() && uu > 0.0)
-        .then(|| [(vv * x - uv * y) / determinant, (uu * y - uv * x) / determinant])
-}
-
-/// Covariance of the least squares solution with this information if `variance` is that of the pixels at the edges,
-/// never less than what rounding to whole grey levels leaves.
-fn covariance(information: [f64; 3], variance: f64) -> Option<[f64; 3]> {
-    let [x, y] = [solve(information, [1.0, 0.0])?, solve(information, [0.0, 1.0])?];
-    let variance = variance.max(1.0 / 12.0);
-    Some([x[0] * variance, x[1] * variance, y[1] * variance])
 }

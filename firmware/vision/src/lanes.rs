@@ -46,6 +46,13 @@ impl Lanes {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
 
+    #[inline(always)]
+    pub(crate) fn abs(self) -> Self {
+        let positive = |x: f32| f32::from_bits(x.to_bits() & 0x7fff_ffff);
+        let [a, b, c, d] = self.0;
+        Self([positive(a), positive(b), positive(c), positive(d)])
+    }
+
     /// 1 where it is less than `other`, else 0.
     #[inline(always)]
     pub(crate) fn less(self, other: Self) -> Self {

@@ -28,15 +28,16 @@ impl Patch {
     }
 
     /// Visits every `every`th row from `first` on, as far as it lies within the ellipse (d^T q d <= 1, `centre` in
-    /// the picture), four samples at a time and up to three beyond it: positions relative to the centre, and
-    /// values. A visitor must not count what lies outside; beyond the patch the values are finite, no more.
+    /// the picture), four samples at a time and up to three beyond it: what `begin` makes of the row's
+    /// distance from the centre, the samples' distances along the row, and their values. A visitor must not count what lies outside; beyond the patch the values are finite, no more.
     #[inline(always)]
-    pub(crate) fn visit(
+    pub(crate) fn visit<R>(
         &self,
         centre: [f64; 2],
         q: [f64; 3],
         (first, every): (usize, usize),
-        mut four: impl FnMut(Lanes, Lanes, Lanes),
+        begin: impl Fn(Lanes) -> R,
+        mut four: impl FnMut(&R, Lanes, Lanes),
     ) {
         let own = [centre[0] - f64::from(self.rect.x), centre[1] - f64::from(self.rect.y)];
         let height = self.rect.height.min(MAX_SIDE);
@@ -56,10 +57,10 @@ impl Patch {
             let end = (libm::floor(mid + half).max(0.0) as usize + 1).min(self.rect.width);
             let fours = end.saturating_sub(start).div_ceil(LANES);
             let (span, _) = row.get(start..).unwrap_or_default().as_chunks::<LANES>();
-            let dy = Lanes::splat(dy as f32);
+            let begun = begin(Lanes::splat(dy as f32));
             let mut dx = Lanes::count_from((start as f64 - own[0]) as f32);
             for values in span.iter().take(fours) {
-                four(dx, dy, Lanes::of(*values));
+                four(&begun, dx, Lanes::of(*values));
                 dx += Lanes::splat(LANES as f32);
             }
         }
