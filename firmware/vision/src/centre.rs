@@ -8,10 +8,10 @@ use gangway_device::Frame;
 use gangway_pose::Centre;
 
 use crate::candidate::Candidate;
-use crate::lanes::Lanes;
+use crate::lanes::{LANES, Lanes};
 use crate::loader::{Rect, full_scale};
 use crate::patch::Patch;
-use crate::{Refusal, Ring, Search, Settings};
+use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 
 /// White that a ring needs around it, px: the layout of an A3 7-CCC at 5 m leaves 4.
 const MARGIN: f64 = 3.0;
@@ -169,15 +169,9 @@ fn start(
         clipped: Lanes::splat((full - 0.5 - middle) as f32),
     };
     let mut sum = [Lanes::ZERO; STARTED];
-    patch.visit(
-        centre,
-        inverse(&shape, candidate.outer + MARGIN),
-        (0, 2),
-        |dy| dy,
-        |&dy, dx, value| {
-            bands.add(dx, dy, value, &mut sum);
-        },
-    );
+    patch.visit(centre, inverse(&shape, candidate.outer + MARGIN), (0, 2), |dy, dx, span| {
+        bands.add(dy, dx, span, &mut sum);
+    });
     let [n, s, ss, whites, white_s, white_x, white_y, x, y, rr, blacks, black_s, clipped] =
         sum.map(Lanes::sum);
     if whites < 4.0 || blacks < 2.0 {
@@ -231,7 +225,17 @@ const STARTED: usize = 13;
 impl Bands {
     /// The sums of [`start`]. Not inlined, with the sums in memory: so the compiler keeps the four together.
     #[inline(never)]
-    fn add(&self, dx: Lanes, dy: Lanes, value: Lanes, sum: &mut [Lanes; STARTED]) {
+    fn add(&self, dy: f32, dx: f32, span: &[[f32; LANES]], sum: &mut [Lanes; STARTED]) {
+        let dy = Lanes::splat(dy);
+        let mut dx = Lanes::count_from(dx);
+        for values in span {
+            self.add_four(dy, dx, Lanes::of(*values), sum);
+            dx += Lanes::splat(LANES as f32);
+        }
+    }
+
+    #[inline(always)]
+    fn add_four(&self, dy: Lanes, dx: Lanes, value: Lanes, sum: &mut [Lanes; STARTED]) {
         let q = &self.q;
         let across = q[1] * dx * dy;
         let square = q[0] * dx * dx + across + across + q[2] * dy * dy;
@@ -266,15 +270,6 @@ fn inverse(shape: &[f64; 3], radius: f64) -> [f64; 3] {
     [shape[2] / square, -shape[1] / square, shape[0] / square]
 }
 
-/// A row of the model ring.
-struct Row {
-    /// What the row adds to the place in the plane where the outer ellipse is a circle of its own area, and to the
-    /// white.
-    u: Lanes,
-    v: Lanes,
-    white: Lanes,
-}
-
 /// What one pixel says, four pixels at once.
 struct Pixel {
     /// Value less model.
@@ -287,10 +282,6 @@ struct Pixel {
     steep: Lanes,
     /// Distance from the nearer edge in half widths of the edge, positive in its white, -1 to 1.
     from_edge: Lanes,
-    /// Direction from the centre, in the plane where the ellipse is a circle.
-    direction: [Lanes; 2],
-    /// Radius there, px.
-    radius: Lanes,
 }
 
 /// A model ring made ready for four pixels at once.
@@ -306,6 +297,17 @@ struct Kernel {
     depth: Lanes,
     /// How far pixels count for the levels.
     reach: Lanes,
+    /// Where the pixels of the row at hand are.
+    places: [Place; MAX_SIDE / LANES],
+}
+
+/// Where four pixels are, in the plane where the outer ellipse is a circle of its own area: direction from the centre
+/// and radius, px.
+#[derive(Clone, Copy)]
+struct Place {
+    x: Lanes,
+    y: Lanes,
+    radius: Lanes,
 }
 
 /// Sums of the two passes.
@@ -329,21 +331,36 @@ impl Kernel {
             slope: model.slope.map(splat),
             depth: splat(model.depth),
             reach: splat(model.reach()),
+            places: [Place { x: Lanes::ZERO, y: Lanes::ZERO, radius: Lanes::ZERO }; MAX_SIDE / LANES],
         }
     }
 
+    /// The places of a row's pixels. A loop of its own: the root takes long, but several are under way at a time.
     #[inline(always)]
-    fn row(&self, dy: Lanes) -> Row {
-        Row { u: self.root[1] * dy, v: self.root[2] * dy, white: self.white + self.slope[1] * dy }
+    fn locate(&mut self, dy: f32, dx: f32, span: &[[f32; LANES]]) {
+        let dy = Lanes::splat(dy);
+        let (row_u, row_v) = (self.root[1] * dy, self.root[2] * dy);
+        let mut dx = Lanes::count_from(dx);
+        for (place, _) in self.places.iter_mut().zip(span) {
+            let (u, v) = (self.root[0] * dx + row_u, self.root[1] * dx + row_v);
+            let square = u * u + v * v;
+            let per_radius = square.inverse_sqrt();
+            *place = Place { x: u * per_radius, y: v * per_radius, radius: square * per_radius };
+            dx += Lanes::splat(LANES as f32);
+        }
+    }
+
+    /// White of the model at the start of a row and its rise from four pixels to the next.
+    #[inline(always)]
+    fn white(&self, dy: f32, dx: f32) -> (Lanes, Lanes) {
+        let [along, down] = self.slope;
+        let start = self.white + along * Lanes::count_from(dx) + down * Lanes::splat(dy);
+        (start, along * Lanes::splat(LANES as f32))
     }
 
     #[inline(always)]
-    fn at(&self, row: &Row, dx: Lanes, value: Lanes) -> Pixel {
+    fn at(&self, radius: Lanes, white: Lanes, value: Lanes) -> Pixel {
         let splat = Lanes::splat;
-        let (u, v) = (self.root[0] * dx + row.u, self.root[1] * dx + row.v);
-        let square = u * u + v * v;
-        let per_radius = square.inverse_sqrt();
-        let radius = square * per_radius;
         // The nearer edge is the other's mirror image in the middle of the ring.
         let from_middle = radius - self.middle;
         let inner = from_middle.less(Lanes::ZERO);
@@ -353,28 +370,35 @@ impl Kernel {
         let density = splat(1.0) - z_square;
         // Half less the integral of 15/16 (1 - z^2)^2.
         let covered = splat(0.5) - z * (splat(0.9375) - z_square * (splat(0.625) - splat(0.1875) * z_square));
-        let white = row.white + self.slope[0] * dx;
         Pixel {
             residual: value - white + white * (self.depth * covered),
             covered,
             inner,
             steep: density * density,
             from_edge: z,
-            direction: [u * per_radius, v * per_radius],
-            radius,
         }
     }
 
     /// The sums of [`adjust`]. Not inlined, with the sums in memory: so the compiler keeps the four together.
     #[inline(never)]
-    fn adjust(&self, row: &Row, dx: Lanes, value: Lanes, sum: &mut [Lanes; ADJUSTED]) {
-        let pixel = self.at(row, dx, value);
-        let [x, y] = pixel.direction;
+    fn adjust(&mut self, dy: f32, dx: f32, span: &[[f32; LANES]], sum: &mut [Lanes; ADJUSTED]) {
+        self.locate(dy, dx, span);
+        let (mut white, rise) = self.white(dy, dx);
+        for (values, place) in span.iter().zip(&self.places) {
+            self.adjust_four(place, white, Lanes::of(*values), sum);
+            white += rise;
+        }
+    }
+
+    #[inline(always)]
+    fn adjust_four(&self, place: &Place, white: Lanes, value: Lanes, sum: &mut [Lanes; ADJUSTED]) {
+        let pixel = self.at(place.radius, white, value);
+        let (x, y) = (place.x, place.y);
         let steep_residual = pixel.steep * pixel.residual;
         let inner_residual = steep_residual * pixel.inner;
         let outer_residual = steep_residual - inner_residual;
         let edge_residual = inner_residual - outer_residual;
-        let flat = pixel.steep.less(Lanes::splat(1e-6)) * pixel.radius.less(self.reach);
+        let flat = pixel.steep.less(Lanes::splat(1e-6)) * place.radius.less(self.reach);
         let flat_residual = pixel.residual * flat;
         let edge_x = edge_residual * x;
         let terms = [
@@ -396,9 +420,19 @@ impl Kernel {
 
     /// The sums of [`judge`].
     #[inline(never)]
-    fn judge(&self, row: &Row, dx: Lanes, value: Lanes, sum: &mut [Lanes; JUDGED]) {
-        let pixel = self.at(row, dx, value);
-        let [x, y] = pixel.direction;
+    fn judge(&mut self, dy: f32, dx: f32, span: &[[f32; LANES]], sum: &mut [Lanes; JUDGED]) {
+        self.locate(dy, dx, span);
+        let (mut white, rise) = self.white(dy, dx);
+        for (values, place) in span.iter().zip(&self.places) {
+            self.judge_four(place, white, Lanes::of(*values), sum);
+            white += rise;
+        }
+    }
+
+    #[inline(always)]
+    fn judge_four(&self, place: &Place, white: Lanes, value: Lanes, sum: &mut [Lanes; JUDGED]) {
+        let pixel = self.at(place.radius, white, value);
+        let (x, y) = (place.x, place.y);
         let residual = pixel.steep * pixel.residual;
         let inner_residual = residual * pixel.inner;
         let outer_residual = residual - inner_residual;
@@ -420,15 +454,11 @@ impl Kernel {
 
 /// One pass over every second row: corrects levels, radii, shape and centre and returns the centre's step, px.
 fn adjust(patch: &Patch, model: &mut Model, first: usize) -> Result<f64, Refusal> {
-    let kernel = Kernel::new(model);
+    let mut kernel = Kernel::new(model);
     let mut sum = [Lanes::ZERO; ADJUSTED];
-    patch.visit(
-        model.centre,
-        inverse(&model.shape, model.reach()),
-        (first, 2),
-        |dy| kernel.row(dy),
-        |row, dx, value| kernel.adjust(row, dx, value, &mut sum),
-    );
+    patch.visit(model.centre, inverse(&model.shape, model.reach()), (first, 2), |dy, dx, span| {
+        kernel.adjust(dy, dx, span, &mut sum)
+    });
     let [x, y, square, outer, inner, xx, xy, flat, flat_residual, flat_black, black_residual, width] =
         sum.map(Lanes::sum);
     if square < 1.0 {
@@ -509,14 +539,13 @@ impl Fit {
 
 /// The last pass, over all rows.
 fn judge(patch: &Patch, model: &Model) -> Result<Fit, Refusal> {
-    let kernel = Kernel::new(model);
+    let mut kernel = Kernel::new(model);
     let mut sum = [Lanes::ZERO; JUDGED];
     patch.visit(
         model.centre,
         inverse(&model.shape, model.outer + HALF_WIDTH * model.blur),
         (0, 1),
-        |dy| kernel.row(dy),
-        |row, dx, value| kernel.judge(row, dx, value, &mut sum),
+        |dy, dx, span| kernel.judge(dy, dx, span, &mut sum),
     );
     let [outer_x, outer_y, inner_x, inner_y, square, residual, cosine, sine] = sum.map(Lanes::sum);
     // Written so that a NaN is refused too.

@@ -28,41 +28,38 @@ impl Patch {
     }
 
     /// Visits every `every`th row from `first` on, as far as it lies within the ellipse (d^T q d <= 1, `centre` in
-    /// the picture), four samples at a time and up to three beyond it: what `begin` makes of the row's
-    /// distance from the centre, the samples' distances along the row, and their values. A visitor must not count what lies outside; beyond the patch the values are finite, no more.
+    /// the picture): the row's and its first sample's distance from the centre, and the samples in fours, up to
+    /// three of them outside. A visitor must not count those; beyond the patch they are finite, no more.
     #[inline(always)]
-    pub(crate) fn visit<R>(
+    pub(crate) fn visit(
         &self,
         centre: [f64; 2],
         q: [f64; 3],
         (first, every): (usize, usize),
-        begin: impl Fn(Lanes) -> R,
-        mut four: impl FnMut(&R, Lanes, Lanes),
+        mut row: impl FnMut(f32, f32, &[[f32; LANES]]),
     ) {
         let own = [centre[0] - f64::from(self.rect.x), centre[1] - f64::from(self.rect.y)];
-        let height = self.rect.height.min(MAX_SIDE);
-        let mut y = first;
-        while y < height {
-            let row = &self.rows[y];
+        let (lean, per_q) = (q[1] / q[0], 1.0 / q[0]);
+        let bend = q[1] * q[1] - q[0] * q[2];
+        let last = self.rect.width as f64 - 1.0;
+        for (y, samples) in self.rows.iter().enumerate().take(self.rect.height).skip(first).step_by(every) {
             let dy = y as f64 - own[1];
-            y += every;
             // q0 x^2 + 2 q1 x dy + q2 dy^2 = 1
-            let square = (q[1] * q[1] - q[0] * q[2]) * dy * dy + q[0];
+            let square = bend * dy * dy + q[0];
             if square <= 0.0 {
                 continue;
             }
-            let mid = own[0] - q[1] * dy / q[0];
-            let half = libm::sqrt(square) / q[0];
-            let start = libm::ceil(mid - half).max(0.0) as usize;
-            let end = (libm::floor(mid + half).max(0.0) as usize + 1).min(self.rect.width);
-            let fours = end.saturating_sub(start).div_ceil(LANES);
-            let (span, _) = row.get(start..).unwrap_or_default().as_chunks::<LANES>();
-            let begun = begin(Lanes::splat(dy as f32));
-            let mut dx = Lanes::count_from((start as f64 - own[0]) as f32);
-            for values in span.iter().take(fours) {
-                four(&begun, dx, Lanes::of(*values));
-                dx += Lanes::splat(LANES as f32);
+            let middle = own[0] - lean * dy;
+            let half = libm::sqrt(square) * per_q;
+            // From the sample at or left of the ellipse to that at or right of it.
+            let (low, high) = ((middle - half).max(0.0), (middle + half + 1.0).min(last));
+            if high < low {
+                continue;
             }
+            let (start, end) = (low as u32 as usize, high as u32 as usize + 1);
+            let (span, _) = samples.get(start..).unwrap_or_default().as_chunks::<LANES>();
+            let fours = (end - start).div_ceil(LANES);
+            row(dy as f32, (start as f64 - own[0]) as f32, span.get(..fours).unwrap_or(span));
         }
     }
 }
