@@ -32,6 +32,9 @@ const MAX_CLIPPED: f64 = 0.5;
 /// not fit into the margin.
 const BLUR: (f64, f64) = (0.4, 1.04);
 
+/// A pass with a step below this, px, is the last over half of the rows: the next one's error is of its third power.
+const SMALL_STEP_PX: f64 = 0.2;
+
 /// Largest step of the last pass, px: beyond it the passes did not converge.
 const LAST_STEP_PX: f64 = 0.1;
 
@@ -121,7 +124,7 @@ pub(crate) fn measure(
     let mut model = start(patch, candidate, centre, levels, full, settings)?;
     for pass in 0..PASSES {
         let step = adjust(patch, &mut model, pass % 2)?;
-        if step < LAST_STEP_PX {
+        if step < SMALL_STEP_PX {
             break;
         }
     }
@@ -548,8 +551,7 @@ fn judge(patch: &Patch, model: &Model) -> Result<Fit, Refusal> {
         |dy, dx, span| kernel.judge(dy, dx, span, &mut sum),
     );
     let [outer_x, outer_y, inner_x, inner_y, square, residual, cosine, sine] = sum.map(Lanes::sum);
-    // Written so that a NaN is refused too.
-    if !(square >= 1.0) {
+    if square < 1.0 {
         return Err(Refusal::Outline);
     }
     let per_px = model.peak();

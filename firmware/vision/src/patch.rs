@@ -3,7 +3,7 @@
 use gangway_device::Frame;
 
 use crate::MAX_SIDE;
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::LANES;
 use crate::loader::{Rect, load_row};
 
 /// The samples of a rectangle of the picture.
