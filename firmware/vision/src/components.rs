@@ -47,8 +47,9 @@ impl Part {
         // start + ... + (end - 1)
         self.sum_x += length * (u32::from(start) + u32::from(end) - 1) / 2;
         self.sum_y += length * u32::from(y);
+        // Rows come from the top.
         self.low = [self.low[0].min(start), self.low[1].min(y)];
-        self.high = [self.high[0].max(end - 1), self.high[1].max(y)];
+        self.high = [self.high[0].max(end - 1), y];
     }
 
     fn add(&mut self, other: &Self) {
@@ -120,35 +121,20 @@ impl<const REACH: u8> Layer<REACH> {
         self.next = self.before;
     }
 
-    /// The component that `part` has become.
-    #[inline(always)]
-    fn root(&self, mut part: u16) -> u16 {
-        // Parents have smaller numbers than their children, so this ends.
-        while let Some(&parent) = self.parents.get(part as usize) {
-            if parent == part {
-                break;
-            }
-            part = parent;
-        }
-        part
-    }
-
     /// Adds a run of the present row, to component `known` or to those of the row before that it touches.
     #[inline(always)]
     fn push(&mut self, y: u8, start: u8, end: u8, known: Option<u16>) -> Result<(), Clutter> {
         let above = self.runs.get(..self.present).unwrap_or_default();
-        let mut next = self.next;
-        while above.get(next).is_some_and(|run| run.end + REACH <= start) {
-            next += 1;
-        }
-        self.next = next;
         let mut part = known;
-        let mut i = next;
-        while let Some(run) = self.runs.get(..self.present).and_then(|above| above.get(i)) {
+        for run in above.get(self.next..).unwrap_or_default() {
+            if run.end + REACH <= start {
+                self.next += 1;
+                continue;
+            }
             if run.start >= end + REACH {
                 break;
             }
-            let other = self.root(run.part);
+            let other = root(&self.parents, run.part);
             part = Some(match part {
                 None => other,
                 Some(part) if part == other => part,
@@ -160,7 +146,6 @@ impl<const REACH: u8> Layer<REACH> {
                     low
                 }
             });
-            i += 1;
         }
         let part = match part {
             Some(part) => part,
@@ -211,7 +196,7 @@ impl<const REACH: u8> Layer<REACH> {
             if run.y > part.high[1] {
                 break;
             }
-            if self.root(run.part) != number {
+            if root(&self.parents, run.part) != number {
                 continue;
             }
             let length = f64::from(run.end - run.start);
@@ -224,6 +209,19 @@ impl<const REACH: u8> Layer<REACH> {
         }
         sum
     }
+}
+
+/// The component that `part` has become.
+#[inline(always)]
+fn root(parents: &[u16; MAX_PARTS], mut part: u16) -> u16 {
+    // Parents have smaller numbers than their children, so this ends.
+    while let Some(&parent) = parents.get(part as usize) {
+        if parent == part {
+            break;
+        }
+        part = parent;
+    }
+    part
 }
 
 /// Dark and bright components of a window.
