@@ -28,6 +28,9 @@ mod times;
 
 pub use clock::{DiskVitals, MonotonicClock};
 pub use faults::{CameraFaults, FaultError, Faults, FaultyCamera, FaultyLink, LinkFaults};
+pub use gangway_engine::Identity;
+/// The lines that the records can go to.
+pub use gangway_link as link;
 pub use lamp::FakeLamp;
 pub use loop_times::LoopTimes;
 pub use measure::{Measured, measure};

@@ -29,6 +29,12 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// Grey pictures of `bits` significant bits: a byte a sample up to 8, two little-endian bytes above.
+    pub fn grey(width: u16, height: u16, bits: u8) -> Self {
+        let layout = if bits <= 8 { Layout::GREY } else { Layout::Word { bits } };
+        Self { width, height, layout }
+    }
+
     /// Bytes from one row to the next.
     pub fn stride(&self) -> usize {
         self.layout.row_bytes(self.width).unwrap_or(0)
