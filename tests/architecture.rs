@@ -29,18 +29,7 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
     ("gangway-scene", &["gangway-setup"]),
     ("gangway-store", &["gangway-wire", "gangway-pose", "gangway-setup"]),
     ("gangway-report", &["gangway-wire", "gangway-pose", "gangway-setup", "gangway-store"]),
-    (
-        "gangway",
-        &[
-            "gangway-wire",
-            "gangway-pose",
-            "gangway-setup",
-            "gangway-scene",
-            "gangway-store",
-            "gangway-report",
-            "gangway-bench",
-        ],
-    ),
+    ("gangway", &["gangway-setup", "gangway-scene", "gangway-store", "gangway-report", "gangway-bench"]),
 ];
 
 const FIRMWARE: &[&str] =

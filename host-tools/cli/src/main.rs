@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 failed, 2 used wrongly. Every line on standard error starts with the program's name.
 
 mod decode;
+mod demo;
 mod evaluate;
 mod export;
 mod receive;
@@ -26,6 +27,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Simulate a ride and measure it, end to end: table, pictures, page.
+    Demo(demo::Args),
     /// Check a setup file, or show every setting it results in.
     Setup(setup::Args),
     /// Render a scene: frames, exact truth and the setup file.
@@ -56,6 +59,7 @@ impl std::error::Error for Usage {}
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
+        Command::Demo(args) => demo::run(args),
         Command::Setup(args) => setup::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Receive(args) => receive::run(args),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::bail;
-use gangway_scene::{BUILTIN, Format, Scene};
+use gangway_scene::{BUILTIN, Format, Scene, SceneError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{Usage, tell};
@@ -49,10 +49,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         print!("{text}");
         return Ok(());
     };
-    let path = Path::new(&args.scene);
-    // A plain word that is no file was meant as a built-in scene: the error then says which there are.
-    let word = !path.exists() && path.extension().is_none() && path.components().count() == 1;
-    let mut scene = if builtin.is_some() || word { Scene::builtin(&args.scene)? } else { Scene::read(path)? };
+    let mut scene = named(&args.scene)?;
     if let Some(frames) = args.frames {
         scene = scene.with_frames(frames);
     }
@@ -63,13 +60,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         Frames::Y4m => Format::Y4m,
         Frames::Png => Format::Png,
     };
-    // Hidden by itself where standard error is no terminal.
-    let bar = ProgressBar::new(scene.frames().into());
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} frames, {eta} left") {
-        bar.set_style(style);
-    }
-    bar.set_message(scene.name().to_owned());
-    bar.enable_steady_tick(Duration::from_millis(250));
+    let bar = progress(&scene);
     let written = scene.write(&out, format, |done| bar.set_position(done.into()));
     bar.finish_and_clear();
     let written = written?;
@@ -84,4 +75,27 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         written.setup.display()
     ));
     Ok(())
+}
+
+/// A scene by its built-in name or from its file.
+pub(crate) fn named(name: &str) -> Result<Scene, SceneError> {
+    let path = Path::new(name);
+    // A plain word that is no file was meant as a built-in scene: the error then says which there are.
+    let word = !path.exists() && path.extension().is_none() && path.components().count() == 1;
+    if word || BUILTIN.iter().any(|(known, _)| *known == name) {
+        Scene::builtin(name)
+    } else {
+        Scene::read(path)
+    }
+}
+
+/// A bar over the scene's frames; hidden by itself where standard error is no terminal.
+pub(crate) fn progress(scene: &Scene) -> ProgressBar {
+    let bar = ProgressBar::new(scene.frames().into());
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_message(scene.name().to_owned());
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
 }
