@@ -1,1 +1,7 @@
-//! Whole-flow tests.
+//! What the whole-flow tests share: a short simulated ride, a board that plays it, and the programs.
+
+mod board;
+mod programs;
+
+pub use board::{Ended, Loop, Ride};
+pub use programs::{bench, gangway, sentence};

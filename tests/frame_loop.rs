@@ -1,0 +1,233 @@
+//! What the frame loop does with what comes: jerks, posts, missing and repeated frames, commands, a full outbox.
+
+use std::collections::BTreeMap;
+
+use e2e::{Loop, Ride};
+use gangway_engine::{Command, OUTBOX_SLOTS, Step};
+use gangway_wire::{LostReason, Pose, PoseFlags, Record, What};
+
+/// Largest deviation allowed, mm and degrees. The rings are 16 to 25 px across at 2.2 to 3.3 mm a pixel with a
+/// noise of 3 % of full scale in the dark: ten standard deviations of the worst degree of freedom.
+const BOUND_MM: f64 = 0.5;
+const BOUND_DEG: f64 = 0.1;
+
+/// Plays pictures in order under the numbers that are given, and collects poses and events by frame.
+fn play(
+    frame_loop: &mut Loop<'_>,
+    numbers: impl Iterator<Item = (usize, u32)>,
+) -> (BTreeMap<u32, Pose>, Vec<(u32, String)>) {
+    let (mut poses, mut events) = (BTreeMap::new(), Vec::new());
+    for (picture, number) in numbers {
+        frame_loop.step(picture, number, |record| match record {
+            Record::Pose(pose) => {
+                poses.insert(pose.frame, *pose);
+            }
+            Record::Event(event) => events.push((event.frame, format!("{:?}", event.what))),
+            _ => {}
+        });
+    }
+    (poses, events)
+}
+
+fn in_order(ride: &Ride) -> impl Iterator<Item = (usize, u32)> {
+    (0..ride.frames.len()).map(|picture| (picture, picture as u32))
+}
+
+/// Largest deviations of all measured frames from the truth, mm and degrees.
+fn worst(ride: &Ride, poses: &BTreeMap<u32, Pose>, picture: impl Fn(u32) -> usize) -> (f64, f64) {
+    let mut worst = (0.0f64, 0.0f64);
+    for pose in poses.values() {
+        let Some(motion) = pose.motion else { continue };
+        let truth = &ride.truth[picture(pose.frame)];
+        for axis in 0..3 {
+            worst.0 =
+                worst.0.max((f64::from(motion.displacement_mm[axis]) - truth.displacement_mm[axis]).abs());
+            worst.1 = worst.1.max((f64::from(motion.rotation_deg[axis]) - truth.rotation_deg[axis]).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn every_frame_after_rest_has_its_pose_through_jerk_post_and_falling_light() {
+    let ride = Ride::short();
+    let (poses, events) = play(&mut ride.start(), in_order(&ride));
+    assert_eq!(poses.len(), ride.frames.len(), "a record for every frame");
+    for (frame, pose) in &poses {
+        assert_eq!(pose.flags.contains(PoseFlags::WAITING), *frame < 9, "rest is set by the tenth frame");
+        assert_eq!(pose.motion.is_some(), *frame >= 9, "frame {frame}: {:?}", pose.flags);
+    }
+    let (mm, deg) = worst(&ride, &poses, |frame| frame as usize);
+    assert!(mm < BOUND_MM && deg < BOUND_DEG, "{mm} mm, {deg} degrees");
+    let has = |what: &str| events.iter().any(|(_, event)| event.contains(what));
+    assert!(has("RestSet { frames: 10 }"));
+    assert!(has("LightChanged"), "the light fell to 35 %");
+    assert!(has("MarkerLost"), "the post hid rings");
+    let lost = events.iter().filter(|(_, event)| event.contains("MarkerLost")).count();
+    let found = events.iter().filter(|(_, event)| event.contains("MarkerFound")).count();
+    let circles = ride.settings.circles.len();
+    assert_eq!(found, lost + circles, "every ring that was lost is found again");
+}
+
+#[test]
+fn missing_frames_are_counted_and_the_next_one_is_measured() {
+    let ride = Ride::short();
+    // Between frames 14 and 17 the truth moves by up to 5 mm.
+    let kept = in_order(&ride).filter(|(_, number)| !(15..17).contains(number));
+    let (poses, events) = play(&mut ride.start(), kept);
+    assert!(events.contains(&(17, "FramesMissed { count: 2 }".to_owned())));
+    assert!(poses[&17].flags.contains(PoseFlags::AFTER_GAP));
+    assert!(poses[&17].motion.is_some());
+    assert!(!poses.contains_key(&15), "a frame that never came has no record");
+}
+
+#[test]
+fn a_repeated_frame_is_told_and_not_measured_twice() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    let (poses, events) = play(&mut frame_loop, [(0, 0), (1, 1), (1, 1), (0, 0), (2, 2)].into_iter());
+    assert_eq!(poses.len(), 3);
+    assert_eq!(events.iter().filter(|(_, event)| event == "FrameRepeated").count(), 2);
+}
+
+#[test]
+fn frame_numbers_may_wrap() {
+    let ride = Ride::short();
+    let (poses, events) =
+        play(&mut ride.start(), in_order(&ride).map(|(picture, n)| (picture, n.wrapping_sub(30))));
+    assert_eq!(poses.len(), ride.frames.len());
+    assert!(!events.iter().any(|(_, event)| event.contains("Missed") || event.contains("Repeated")));
+    let (mm, deg) = worst(&ride, &poses, |frame| frame.wrapping_add(30) as usize);
+    assert!(mm < BOUND_MM && deg < BOUND_DEG, "{mm} mm, {deg} degrees");
+}
+
+#[test]
+fn a_full_outbox_never_stops_the_loop_and_the_loss_is_recorded() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    let mut number = 0;
+    while frame_loop.engine.records_lost() == 0 {
+        frame_loop.step_without_reading(0, number);
+        number += 1;
+        assert!(number < OUTBOX_SLOTS as u32, "at least a record a frame");
+    }
+    for _ in 0..20 {
+        assert_ne!(
+            frame_loop.step_without_reading(0, number),
+            Step::NoFrame(gangway_device::CameraErrorKind::Ended)
+        );
+        number += 1;
+    }
+    let lost = frame_loop.engine.records_lost();
+    frame_loop.read(|_, _, _| {});
+    let mut told = 0;
+    let mut gap = None;
+    let mut last = None;
+    frame_loop.step_without_reading(0, number);
+    frame_loop.read(|sequence, _, record| {
+        if let Record::Event(event) = record
+            && let What::QueueOverflow { count } = event.what
+        {
+            told += count;
+        }
+        gap = gap.or(last.map(|last: u32| sequence - last - 1));
+        last = Some(sequence);
+    });
+    assert_eq!(told, lost, "the record of the loss counts every lost record");
+    assert_eq!(gap, Some(0), "numbers run on behind the gap");
+}
+
+#[test]
+fn commands_are_answered_with_the_next_frame() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    frame_loop.command(Command::Ping { number: 7, host_time_ns: 99 });
+    frame_loop.command(Command::Mark(heapless_text("start of the curve")));
+    let (mut pongs, mut marks) = (0, 0);
+    frame_loop.step(0, 0, |record| match record {
+        Record::Pong(pong) => {
+            assert_eq!((pong.number, pong.host_time_ns), (7, 99));
+            pongs += 1;
+        }
+        Record::Event(event) if event.what == (What::Mark { text: "start of the curve" }) => marks += 1,
+        _ => {}
+    });
+    assert_eq!((pongs, marks), (1, 1));
+}
+
+#[test]
+fn a_new_rest_pose_is_set_only_at_rest_and_the_old_one_holds_until_then() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    play(&mut frame_loop, (0..30).map(|n| (n, n as u32)));
+    frame_loop.command(Command::SetRest);
+    // The short ride sways on: no rest, but motion against the first rest pose.
+    let (poses, events) = play(&mut frame_loop, (30..60).map(|n| (n, n as u32)));
+    assert!(events.iter().any(|(_, event)| event == "RestRequested"));
+    assert!(!events.iter().any(|(_, event)| event.contains("RestSet")), "it is not at rest");
+    assert!(poses.values().all(|pose| pose.motion.is_some()));
+    // The last picture again and again is rest.
+    let (poses, events) = play(&mut frame_loop, (60..90).map(|n| (60, n)));
+    assert!(events.iter().any(|(_, event)| event.contains("RestSet")));
+    let motion = poses[&89].motion.expect("measured");
+    assert!(motion.displacement_mm.iter().all(|mm| mm.abs() < 0.1), "{motion:?}");
+}
+
+#[test]
+fn who_listens_from_mid_ride_gets_all_that_is_needed_to_read_on() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    play(&mut frame_loop, (0..20).map(|n| (n, n as u32)));
+    frame_loop.command(Command::Announce);
+    let (mut hello, mut rest, mut time) = (0, 0, 0);
+    let mut text = String::new();
+    for n in 20..60 {
+        frame_loop.step(n, n as u32, |record| match record {
+            Record::Hello(_) => hello += 1,
+            Record::Rest(_) => rest += 1,
+            Record::TimeSync(_) => time += 1,
+            Record::Setup(piece) => text.push_str(piece.text),
+            _ => {}
+        });
+    }
+    assert_eq!((hello, rest, time), (1, 1, 1));
+    assert_eq!(text, ride.settings.text.as_str(), "the whole setup, in order");
+}
+
+#[test]
+fn everything_is_announced_again_every_ten_seconds() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    let mut hellos = Vec::new();
+    for number in 0..1050 {
+        frame_loop.step(0, number, |record| {
+            if matches!(record, Record::Hello(_)) {
+                hellos.push(number);
+            }
+        });
+    }
+    assert_eq!(hellos, [0, 500, 1000]);
+}
+
+#[test]
+fn darkness_leaves_records_that_say_why_and_the_rings_are_found_again() {
+    let mut ride = Ride::short();
+    for frame in &mut ride.frames[30..35] {
+        frame.fill(3);
+    }
+    let (poses, events) = play(&mut ride.start(), in_order(&ride));
+    for frame in 30..35 {
+        assert!(poses[&frame].motion.is_none());
+        assert!(poses[&frame].flags.contains(PoseFlags::FEW_MARKERS));
+    }
+    let dark = format!("{:?}", LostReason::LowContrast);
+    assert!(events.iter().any(|(frame, event)| *frame == 30 && event.contains(&dark)));
+    assert!(
+        (38..ride.frames.len() as u32).all(|frame| poses[&frame].motion.is_some()),
+        "found again in 3 frames"
+    );
+}
+
+fn heapless_text(text: &str) -> heapless::String<64> {
+    text.try_into().expect("short enough")
+}

@@ -1,0 +1,54 @@
+//! The programs as a user calls them.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::sync::Once;
+
+/// `gangway`.
+pub fn gangway() -> Command {
+    Command::new(program("gangway"))
+}
+
+/// `gangway-bench`.
+pub fn bench() -> Command {
+    Command::new(program("gangway-bench"))
+}
+
+/// The one sentence on standard error of a program that failed with `code`.
+pub fn sentence(output: &Output, code: i32) -> String {
+    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    assert_eq!(said.lines().count(), 1, "one sentence: {said}");
+    assert!(!said.contains("panicked"), "{said}");
+    said
+}
+
+/// Where cargo puts programs beside this test. `cargo test --workspace` has built them; a run of these tests
+/// alone builds them first.
+fn program(name: &str) -> PathBuf {
+    static BUILD: Once = Once::new();
+    let test = std::env::current_exe().expect("a test knows where it is");
+    let profile = test.parent().and_then(|deps| deps.parent()).expect("target/PROFILE/deps");
+    let path = profile.join(name);
+    BUILD.call_once(|| {
+        if path.exists() {
+            return;
+        }
+        let profile = profile.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let profile = if profile == "debug" { "dev" } else { profile };
+        let built = Command::new(env!("CARGO"))
+            .args([
+                "build",
+                "--quiet",
+                "--package",
+                "gangway",
+                "--package",
+                "gangway-bench",
+                "--profile",
+                profile,
+            ])
+            .status();
+        assert!(built.is_ok_and(|status| status.success()), "the programs build");
+    });
+    path
+}
