@@ -192,7 +192,6 @@ impl Engine {
         clock: &impl Clock,
         outbox: &mut OutboxProducer<'_>,
     ) -> Step {
-        self.recorder.at(self.last_frame.unwrap_or(0), clock.now_ns());
         let what = match kind {
             CameraErrorKind::Ended => None,
             CameraErrorKind::Stalled => Some(What::CameraStalled),
@@ -201,6 +200,8 @@ impl Engine {
             CameraErrorKind::Corrupt => Some(What::FrameCorrupt),
         };
         if let Some(what) = what {
+            // No frame has a time to give; the end of a recording belongs to its last frame.
+            self.recorder.at(self.last_frame.unwrap_or(0), clock.now_ns());
             self.recorder.event(outbox, what);
         }
         let rest = self.rest.as_ref();
