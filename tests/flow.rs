@@ -114,8 +114,10 @@ fn mistakes_get_one_sentence_and_the_right_exit_code() {
     let said = sentence(&with("setup.toml", "frames.y4m", &format!("tcp://127.0.0.1:{port}")), 1);
     assert!(said.contains(&port.to_string()) && said.contains("in use"), "{said}");
 
-    let said = sentence(&with("setup.toml", "frames.y4m", "smoke-signal:hill"), 2);
-    assert!(said.contains("tcp://"), "it says how an address is written: {said}");
+    let output = with("setup.toml", "frames.y4m", "smoke-signal:hill");
+    assert_eq!(output.status.code(), Some(2), "wrong use");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("write tcp://HOST:PORT"), "it says how an address is written: {said}");
 
     let setup = std::fs::read_to_string(at.join("setup.toml")).expect("a setup");
     std::fs::write(at.join("wide.toml"), setup.replace("width_px = 800", "width_px = 960")).expect("a setup");

@@ -23,32 +23,21 @@ pub fn sentence(output: &Output, code: i32) -> String {
     said
 }
 
-/// Where cargo puts programs beside this test. `cargo test --workspace` has built them; a run of these tests
-/// alone builds them first.
+/// Where cargo puts programs beside this test. They are built here once more, which takes no time after
+/// `cargo test --workspace` and spares a run of these tests alone from programs of yesterday.
 fn program(name: &str) -> PathBuf {
     static BUILD: Once = Once::new();
     let test = std::env::current_exe().expect("a test knows where it is");
-    let profile = test.parent().and_then(|deps| deps.parent()).expect("target/PROFILE/deps");
-    let path = profile.join(name);
+    let folder = test.parent().and_then(|deps| deps.parent()).expect("target/PROFILE/deps");
     BUILD.call_once(|| {
-        if path.exists() {
-            return;
-        }
-        let profile = profile.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let profile = if profile == "debug" { "dev" } else { profile };
+        let profile = match folder.file_name().and_then(|name| name.to_str()) {
+            Some("debug") | None => "dev",
+            Some(profile) => profile,
+        };
         let built = Command::new(env!("CARGO"))
-            .args([
-                "build",
-                "--quiet",
-                "--package",
-                "gangway",
-                "--package",
-                "gangway-bench",
-                "--profile",
-                profile,
-            ])
+            .args(["build", "--quiet", "--workspace", "--bins", "--profile", profile])
             .status();
         assert!(built.is_ok_and(|status| status.success()), "the programs build");
     });
-    path
+    folder.join(name)
 }
