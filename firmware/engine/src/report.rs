@@ -3,7 +3,6 @@
 use gangway_pose::{PoseError, RestPose, Solution, relative_motion};
 use gangway_vision::Ring;
 use gangway_wire::{self as wire, Marker, PoseFlags, Record};
-use nalgebra::{Rotation3, UnitQuaternion};
 
 use crate::Settings;
 use crate::rest::Found;
@@ -52,20 +51,17 @@ pub(crate) fn motion(
 
 /// The record of a rest pose.
 pub(crate) fn rest(found: &Found) -> Record<'static> {
-    let rotation = Rotation3::from_matrix_unchecked(found.pose.pose.rotation);
-    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation);
-    // q and -q are the same rotation: w >= 0 makes it one.
-    let sign = if quaternion.w < 0.0 { -1.0 } else { 1.0 };
+    let in_rest_frame = found.pose.covariance_in_rest_frame();
     let mut covariance = [0.0; 21];
     let upper = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
     for (entry, at) in covariance.iter_mut().zip(upper) {
-        *entry = found.pose.covariance[at] as f32;
+        *entry = in_rest_frame[at] as f32;
     }
     Record::Rest(wire::Rest {
         first_frame: found.first_frame,
         last_frame: found.last_frame,
         frames: found.frames,
-        rotation: [quaternion.w, quaternion.i, quaternion.j, quaternion.k].map(|part| sign * part),
+        rotation: found.pose.pose.quaternion(),
         translation_mm: found.pose.pose.translation.into(),
         covariance,
     })
@@ -92,5 +88,30 @@ fn marker(ring: &Ring) -> Marker {
         at_px: ring.centre.at.map(|px| px as f32),
         sigma_px: [u as f32, v as f32],
         correlation: correlation as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gangway_pose::{Pose, rotation};
+    use nalgebra::{Matrix6, Vector3};
+
+    #[test]
+    fn the_rest_record_carries_its_covariance_in_the_rest_frame() {
+        // The camera looks along the carbody's x: camera z is rest x. 2 mm along the view, 0.01 rad about it.
+        let looking = rotation(-core::f64::consts::FRAC_PI_2, 0.0, -core::f64::consts::FRAC_PI_2).transpose();
+        let mut covariance = Matrix6::zeros();
+        covariance[(2, 2)] = 4.0;
+        covariance[(5, 5)] = 1e-4;
+        let pose = Pose { rotation: looking, translation: Vector3::new(1.0, 2.0, 1600.0) };
+        let found = Found { first_frame: 0, last_frame: 9, frames: 10, pose: RestPose { pose, covariance } };
+        let Record::Rest(record) = rest(&found) else { panic!("a rest record") };
+        assert!((record.covariance[0] - 4.0).abs() < 1e-6, "x, mm^2: {:?}", record.covariance);
+        let degrees = 0.01f64.to_degrees() as f32;
+        assert!((record.covariance[15] - degrees * degrees).abs() < 1e-6, "roll, degrees^2");
+        let read = Pose::from_quaternion(record.rotation, record.translation_mm.into());
+        assert!((read.rotation - looking).norm() < 1e-12, "rounding only");
+        assert_eq!(read.translation, pose.translation);
     }
 }
