@@ -2,6 +2,7 @@
 //! disk, and out as a table against the truth and pictures.
 
 use std::collections::VecDeque;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,7 +63,8 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     let samples: Vec<Sample> = session.poses()?.iter().map(Sample::from).collect();
     let name = received.folder.display().to_string();
     let evaluation = gangway_report::evaluate(&name, &samples, Some(&reference))?;
-    print!("{}", evaluation.table());
+    let mut out = io::stdout().lock();
+    write!(out, "{}", evaluation.table())?;
 
     let pictures = args.out.join("evaluation");
     evaluation.write_all(&pictures)?;
@@ -86,12 +88,12 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     };
     let page_file = write("index.html", gangway_report::html(&evaluation, &page))?;
 
-    println!("\nframe loop   {summary}");
-    println!("session      {}", received.folder.display());
-    println!("setup, truth {}, {}", setup_file.display(), truth_file.display());
-    println!("pictures     {}", pictures.display());
-    println!("page         {}", page_file.display());
-    println!("all of it in {:.1} s", began.elapsed().as_secs_f64());
+    writeln!(out, "\nframe loop   {summary}")?;
+    writeln!(out, "session      {}", received.folder.display())?;
+    writeln!(out, "setup, truth {}, {}", setup_file.display(), truth_file.display())?;
+    writeln!(out, "pictures     {}", pictures.display())?;
+    writeln!(out, "page         {}", page_file.display())?;
+    writeln!(out, "all of it in {:.1} s", began.elapsed().as_secs_f64())?;
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! `gangway simulate`: a scene as frames, exact truth and the setup file for a box that watches it.
 
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -46,7 +47,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         let Some((_, text)) = builtin else {
             bail!(Usage("--print takes the name of a built-in scene: rig, ride".to_owned()));
         };
-        print!("{text}");
+        io::stdout().write_all(text.as_bytes())?;
         return Ok(());
     };
     let mut scene = named(&args.scene)?;
