@@ -1,7 +1,7 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Observation, Pose, PoseError, Solution, solve};
+use gangway_pose::{MAX_CIRCLES, Observation, PoseError, Solution, solve};
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
@@ -71,7 +71,6 @@ pub struct Engine {
     seeking_rest: bool,
     rest: Option<Found>,
     searches: Vec<Search, MAX_CIRCLES>,
-    second_searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
     centres: wire::Centres,
     watches: [Watch; MAX_CIRCLES],
@@ -97,7 +96,6 @@ impl Engine {
             seeking_rest: true,
             rest: None,
             searches: Vec::new(),
-            second_searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
             centres: wire::Centres::new(),
             watches: [Watch::default(); MAX_CIRCLES],
@@ -129,7 +127,7 @@ impl Engine {
 
         self.predict(frame.number());
         self.look(&frame);
-        let solution = self.solve(&frame);
+        let solution = self.solve(frame.number());
         self.find_rest(frame.number(), solution.as_ref().ok(), outbox);
         let pose = self.relate(&frame, solution.as_ref(), flags);
         self.record(&pose, solution.as_ref().map_or(0, |solution| solution.used), outbox);
@@ -249,18 +247,8 @@ impl Engine {
         }
     }
 
-    /// The pose of the rings seen. With it, rings that were missed are looked for where they must be.
-    fn solve(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
-        let mut solution = self.solve_once(&self.predictor.predict(frame.number()))?;
-        if self.look_again(frame, &solution.pose) {
-            solution = self.solve_once(&solution.pose)?;
-        }
-        self.predictor.update(frame.number(), solution.pose);
-        Ok(solution)
-    }
-
-    /// The pose of all rings seen so far. The solution's mask names circles of the setup.
-    fn solve_once(&self, prior: &Pose) -> Result<Solution, PoseError> {
+    /// The pose of the rings seen; the next windows follow from it. The solution's mask names circles of the setup.
+    fn solve(&mut self, frame: u32) -> Result<Solution, PoseError> {
         let mut observations = Vec::<Observation, MAX_CIRCLES>::new();
         let mut seen = Vec::<usize, MAX_CIRCLES>::new();
         for (i, (circle, outcome)) in self.settings.circles.iter().zip(&self.outcomes).enumerate() {
@@ -270,28 +258,12 @@ impl Engine {
                 let _ = seen.push(i);
             }
         }
-        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(prior))?;
+        let prior = self.predictor.predict(frame);
+        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(&prior))?;
+        self.predictor.update(frame, solution.pose);
         let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
         solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
         Ok(solution)
-    }
-
-    /// Looks for missed rings where `pose` puts them, if that is elsewhere than they were looked for. Tells
-    /// whether any was found.
-    fn look_again(&mut self, frame: &Frame<'_>, pose: &Pose) -> bool {
-        if self.seen() == self.searches.len() {
-            return false;
-        }
-        windows::searches(&self.settings, pose, false, &mut self.second_searches);
-        let mut found = false;
-        let searches = self.searches.iter().zip(&self.second_searches);
-        for ((first, second), outcome) in searches.zip(&mut self.outcomes) {
-            if outcome.is_err() && windows::apart(first, second) {
-                *outcome = self.tracker.look(frame, second);
-                found |= outcome.is_ok();
-            }
-        }
-        found
     }
 
     fn seen(&self) -> usize {

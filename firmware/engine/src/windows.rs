@@ -10,8 +10,6 @@ use crate::Settings;
 const SEED_SIGMA_PX: f64 = 1.0;
 /// A ring further from its prediction than this share of the way to its nearest neighbour could be that one.
 const REACH: f64 = 0.5;
-/// A missed ring is looked for again where the pose puts it if that is at least this far away, px.
-const SECOND_LOOK_PX: f64 = 2.0;
 
 /// The pose that the setup's seeds give.
 pub(crate) fn seed_pose(settings: &Settings) -> Result<Pose, PoseError> {
@@ -59,12 +57,6 @@ pub(crate) fn searches(
         let _ = searches.push(search);
     }
     set_reaches(searches);
-}
-
-/// Whether a second look would see anything else than the first.
-pub(crate) fn apart(first: &Search, second: &Search) -> bool {
-    let moved = square(first.at[0] - second.at[0]) + square(first.at[1] - second.at[1]);
-    moved > square(SECOND_LOOK_PX)
 }
 
 /// Half the way to the nearest other circle, for each.
