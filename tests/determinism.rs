@@ -18,7 +18,11 @@ fn frame_records(capture: &[u8], portion: usize) -> Vec<(u8, Vec<u8>)> {
             if let Some(Decoded::Record { kind, body, record, .. }) = decoded
                 && is_of_frames(&record)
             {
-                records.push((kind, body.to_vec()));
+                let entry = (kind, body.to_vec());
+                // A rest pose comes again with every announcement.
+                if !(matches!(record, Record::Rest(_)) && records.contains(&entry)) {
+                    records.push(entry);
+                }
             }
         }
     }

@@ -119,8 +119,11 @@ impl Capture {
             let (decoded, behind) = decoder.feed(rest);
             rest = behind;
             let Some(Decoded::Record { kind, body, record, .. }) = decoded else { continue };
-            if matches!(kind, kind::POSE | kind::MARKERS | kind::REST) {
-                capture.measured.push((kind, body.to_vec()));
+            let entry = (kind, body.to_vec());
+            // A rest pose comes again whenever somebody new listens.
+            let again = kind == kind::REST && capture.measured.contains(&entry);
+            if matches!(kind, kind::POSE | kind::MARKERS | kind::REST) && !again {
+                capture.measured.push(entry);
             }
             match record {
                 Record::Pose(pose) => {
