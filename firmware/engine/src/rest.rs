@@ -137,3 +137,57 @@ impl RestFinder {
         self.solutions.clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gangway_pose::Pose;
+    use nalgebra::{Matrix3, Matrix6, Vector3};
+
+    fn solution() -> Solution {
+        Solution {
+            pose: Pose { rotation: Matrix3::identity(), translation: Vector3::new(0.0, 0.0, 1600.0) },
+            covariance: Matrix6::identity(),
+            residual_px: 0.01,
+            used: 0b1111,
+            alternative: None,
+        }
+    }
+
+    /// First frame of the first interval that is taken for rest while four circles move by `path` px.
+    fn first_rest(frames: u32, path: impl Fn(u32) -> f64) -> Option<u32> {
+        let mut finder = RestFinder::new(RestSettings::default());
+        (0..frames).find_map(|frame| {
+            let circles = (0..4).map(|circle| (circle, [100.0 * circle as f64 + path(frame), 50.0]));
+            finder.observe(frame, circles, &solution()).map(|found| found.first_frame)
+        })
+    }
+
+    #[test]
+    fn ten_frames_at_rest_suffice() {
+        assert_eq!(first_rest(9, |_| 0.0), None);
+        assert_eq!(first_rest(10, |_| 0.0), Some(0));
+    }
+
+    #[test]
+    fn trembling_within_the_bound_is_rest() {
+        assert_eq!(first_rest(10, |frame| if frame % 2 == 0 { 0.2 } else { -0.2 }), Some(0));
+    }
+
+    #[test]
+    fn rest_begins_with_the_frame_in_which_the_motion_ended() {
+        let braking = |frame: u32| 4.0 * f64::from(7u32.saturating_sub(frame));
+        assert_eq!(first_rest(30, braking), Some(7));
+    }
+
+    #[test]
+    fn slow_drift_is_not_rest() {
+        // 0.05 px a frame: 0.45 px over the interval, within the excursion of a single circle.
+        assert_eq!(first_rest(200, |frame| 0.05 * f64::from(frame)), None);
+    }
+
+    #[test]
+    fn shaking_is_not_rest() {
+        assert_eq!(first_rest(200, |frame| if frame % 2 == 0 { 0.6 } else { -0.6 }), None);
+    }
+}
