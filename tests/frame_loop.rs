@@ -91,6 +91,17 @@ fn missing_frames_are_counted_and_the_next_one_is_measured() {
 }
 
 #[test]
+fn a_jump_by_a_spacing_of_the_circles_is_not_taken_for_standing_still() {
+    let ride = Ride::short();
+    // From picture 24 on to 76: 139 mm sideways, where the circles stand 170 mm apart.
+    let order = (0..25).chain(76..80).enumerate().map(|(number, picture)| (picture, number as u32));
+    let (poses, _) = play(&mut ride.start(), order);
+    let circles = ride.settings.circles.len();
+    assert_eq!(usize::from(poses[&25].markers), circles, "every ring is found where it is");
+    assert_true(&ride, &poses, |frame| if frame < 25 { frame as usize } else { frame as usize + 51 });
+}
+
+#[test]
 fn a_repeated_frame_is_told_and_not_measured_twice() {
     let ride = Ride::short();
     let mut frame_loop = ride.start();

@@ -1,11 +1,12 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Observation, PoseError, Solution, solve};
+use gangway_pose::{MAX_CIRCLES, Observation, Pose, PoseError, Solution, solve};
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
 
+use crate::alias::{self, Doubt, Spacings};
 use crate::announce::Announcer;
 use crate::health::Pulse;
 use crate::light::Light;
@@ -70,6 +71,8 @@ pub struct Engine {
     /// Rest is being looked for: at start, and after a command.
     seeking_rest: bool,
     rest: Option<Found>,
+    spacings: Spacings,
+    doubt: Doubt,
     searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
     centres: wire::Centres,
@@ -95,6 +98,8 @@ impl Engine {
             rest_finder: RestFinder::new(settings.rest),
             seeking_rest: true,
             rest: None,
+            spacings: alias::spacings(&settings.circles),
+            doubt: Doubt::default(),
             searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
             centres: wire::Centres::new(),
@@ -127,7 +132,8 @@ impl Engine {
 
         self.predict(frame.number());
         self.look(&frame);
-        let solution = self.solve(frame.number());
+        let solution = self.solve(&self.predictor.predict(frame.number()));
+        let solution = self.challenge(&frame, solution);
         self.find_rest(frame.number(), solution.as_ref().ok(), outbox);
         let pose = self.relate(&frame, solution.as_ref(), flags);
         self.record(&pose, solution.as_ref().map_or(0, |solution| solution.used), outbox);
@@ -247,8 +253,8 @@ impl Engine {
         }
     }
 
-    /// The pose of the rings seen; the next windows follow from it. The solution's mask names circles of the setup.
-    fn solve(&mut self, frame: u32) -> Result<Solution, PoseError> {
+    /// The pose of the rings seen. The solution's mask names circles of the setup.
+    fn solve(&self, prior: &Pose) -> Result<Solution, PoseError> {
         let mut observations = Vec::<Observation, MAX_CIRCLES>::new();
         let mut seen = Vec::<usize, MAX_CIRCLES>::new();
         for (i, (circle, outcome)) in self.settings.circles.iter().zip(&self.outcomes).enumerate() {
@@ -258,12 +264,50 @@ impl Engine {
                 let _ = seen.push(i);
             }
         }
-        let prior = self.predictor.predict(frame);
-        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(&prior))?;
-        self.predictor.update(frame, solution.pose);
+        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(prior))?;
         let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
         solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
         Ok(solution)
+    }
+
+    /// A pose that misses too many rings is tried against its neighbours on the lattice of circles. The next
+    /// windows follow from what stands in the end.
+    fn challenge(
+        &mut self,
+        frame: &Frame<'_>,
+        solution: Result<Solution, PoseError>,
+    ) -> Result<Solution, PoseError> {
+        let number = frame.number();
+        let used = |solution: &Result<Solution, PoseError>| {
+            solution.as_ref().map_or(0, |solution| solution.used.count_ones())
+        };
+        let mut best = solution;
+        let mut jumped = false;
+        if self.doubt.arises(number, used(&best), windows::in_picture(&self.searches, self.settings.picture))
+        {
+            let base =
+                best.as_ref().map_or_else(|_| self.predictor.predict(number), |solution| solution.pose);
+            let mut outcomes = self.outcomes;
+            for spacing in &self.spacings.clone() {
+                let pose = alias::shifted(&base, spacing);
+                windows::searches(&self.settings, &pose, false, &mut self.searches);
+                self.look(frame);
+                let other = self.solve(&pose);
+                if used(&other) > used(&best) {
+                    best = other;
+                    jumped = true;
+                    outcomes = self.outcomes;
+                }
+            }
+            self.outcomes = outcomes;
+        }
+        if let Ok(solution) = &best {
+            self.predictor.update(number, solution.pose);
+        }
+        if jumped {
+            self.predictor.hold();
+        }
+        best
     }
 
     fn seen(&self) -> usize {

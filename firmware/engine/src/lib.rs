@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! Camera -> Frame -> windows -> rings -> pose -> motion -> records -> Outbox -> (link thread) -> host
-//!           arrive   predict    look     solve   relate    record
+//!           arrive   predict    look     solve,  relate    record
+//!                                        challenge
 //! ```
 //!
 //! A step never allocates, never panics, writes no text and waits nowhere but for the camera's next frame.
@@ -10,6 +11,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod alias;
 mod announce;
 mod engine;
 mod health;

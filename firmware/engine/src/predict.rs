@@ -1,6 +1,7 @@
 //! Where each ring will be in the next frame: the last pose carried on by the last motion, projected.
 
 use gangway_pose::Pose;
+use nalgebra::{Matrix3, Rotation3};
 
 /// Frames without a pose over which the last motion is still carried on; then the last place is kept.
 const COASTING_FRAMES: u32 = 3;
@@ -23,14 +24,20 @@ impl Predictor {
 
     /// Takes the pose measured in `frame`.
     pub(crate) fn update(&mut self, frame: u32, pose: Pose) {
-        // Over a gap the motion a frame is unknown; holding still is the better guess.
-        let follows = self.frame.is_some_and(|before| frame.wrapping_sub(before) == 1);
-        self.motion = follows.then(|| Pose {
-            rotation: pose.rotation * self.last.rotation.transpose(),
-            translation: pose.translation - self.last.translation,
+        // Over a short gap the motion is spread evenly; over a long one nothing is known, and holding still is the
+        // better guess.
+        let gap = self.frame.map_or(u32::MAX, |before| frame.wrapping_sub(before));
+        self.motion = (1..=COASTING_FRAMES).contains(&gap).then(|| Pose {
+            rotation: share(&(pose.rotation * self.last.rotation.transpose()), gap),
+            translation: (pose.translation - self.last.translation) / f64::from(gap),
         });
         self.last = pose;
         self.frame = Some(frame);
+    }
+
+    /// Forgets the last motion: it was a jump, and jumps do not go on.
+    pub(crate) fn hold(&mut self) {
+        self.motion = None;
     }
 
     /// The pose expected in `frame`.
@@ -46,10 +53,19 @@ impl Predictor {
     }
 }
 
+/// The `parts`-th part of a rotation.
+fn share(rotation: &Matrix3<f64>, parts: u32) -> Matrix3<f64> {
+    if parts == 1 {
+        return *rotation;
+    }
+    let turn = Rotation3::from_matrix_unchecked(*rotation).scaled_axis() / f64::from(parts);
+    Rotation3::new(turn).into_inner()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Vector3};
+    use nalgebra::Vector3;
 
     fn at(x: f64) -> Pose {
         Pose { rotation: Matrix3::identity(), translation: Vector3::new(x, 0.0, 1000.0) }
@@ -62,6 +78,18 @@ mod tests {
         predictor.update(8, at(3.0));
         assert_eq!(predictor.predict(9), at(5.0));
         assert_eq!(predictor.predict(10), at(7.0));
+    }
+
+    #[test]
+    fn a_short_gap_shares_the_motion_among_its_frames() {
+        let mut predictor = Predictor::from_pose(at(0.0));
+        predictor.update(0, at(0.0));
+        let turned = Pose { rotation: Rotation3::new(Vector3::new(0.0, 0.02, 0.0)).into_inner(), ..at(6.0) };
+        predictor.update(2, turned);
+        let next = predictor.predict(3);
+        assert_eq!(next.translation.x, 9.0);
+        let expected = Rotation3::new(Vector3::new(0.0, 0.03, 0.0)).into_inner();
+        assert!((next.rotation - expected).norm() < 1e-12, "rounding only");
     }
 
     #[test]

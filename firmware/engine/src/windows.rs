@@ -59,6 +59,16 @@ pub(crate) fn searches(
     set_reaches(searches);
 }
 
+/// How many circles should show in the picture, as a whole.
+pub(crate) fn in_picture(searches: &[Search], (width, height): (u16, u16)) -> u32 {
+    let inside = |search: &&Search| {
+        let radius = 0.5 * search.diameter_px();
+        let fits = |at: f64, size: u16| at >= radius && at <= f64::from(size) - 1.0 - radius;
+        fits(search.at[0], width) && fits(search.at[1], height)
+    };
+    searches.iter().filter(inside).count() as u32
+}
+
 /// Half the way to the nearest other circle, for each.
 fn set_reaches(searches: &mut [Search]) {
     for i in 0..searches.len() {
