@@ -342,6 +342,10 @@ impl Engine {
         if solution.is_ok() && used.count_ones() as usize != self.seen() {
             flags |= PoseFlags::OUTLIERS;
         }
+        let in_picture = windows::in_picture(&self.searches, self.settings.picture);
+        if solution.is_ok() && !alias::is_trusted(used.count_ones(), in_picture) {
+            flags |= PoseFlags::SPARSE;
+        }
         let markers = used.count_ones() as u8;
         wire::Pose { frame: frame.number(), time_ns: frame.time_ns(), flags, markers, motion }
     }

@@ -120,6 +120,8 @@ impl PoseFlags {
     pub const AFTER_GAP: Self = Self(1 << 6);
     /// The frame was torn, short or of another size.
     pub const CORRUPT: Self = Self(1 << 7);
+    /// Fewer than 7 in 10 of the circles that should be in the picture went into the pose.
+    pub const SPARSE: Self = Self(1 << 8);
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {

@@ -64,6 +64,8 @@ pub struct FlagCounts {
     pub after_gap: usize,
     /// The frame was torn, short or of another size.
     pub corrupt: usize,
+    /// From fewer than 7 in 10 of the circles in the picture.
+    pub sparse: usize,
 }
 
 /// One frame of the session.
@@ -215,6 +217,7 @@ fn count_flags(rows: &[Row]) -> FlagCounts {
         beyond_limits: count(PoseFlags::BEYOND_LIMITS),
         after_gap: count(PoseFlags::AFTER_GAP),
         corrupt: count(PoseFlags::CORRUPT),
+        sparse: count(PoseFlags::SPARSE),
     }
 }
 

@@ -128,6 +128,7 @@ impl Evaluation {
             (self.flags.beyond_limits, "beyond the limits of the motion"),
             (self.flags.after_gap, "after missing frames"),
             (self.flags.corrupt, "from damaged frames"),
+            (self.flags.sparse, "from fewer than 7 in 10 of the circles"),
         ];
         let flagged: Vec<String> =
             flags.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
