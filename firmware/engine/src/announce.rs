@@ -24,22 +24,23 @@ pub(crate) struct Announcer {
 }
 
 impl Announcer {
-    /// Announce everything again, from the next step on.
+    /// Announce everything again: the greeting at once, then the setup, some pieces a step.
     pub(crate) fn restart(&mut self) {
         self.greet = true;
         self.position = Some(0);
     }
 
-    /// Starts again when the period is over.
+    /// Starts again when the period is over; the first one begins with the first frame.
     pub(crate) fn tick(&mut self, frame_time_ns: u64) {
-        if self.due_ns.is_none_or(|due| frame_time_ns >= due) {
+        let due = *self.due_ns.get_or_insert(frame_time_ns.saturating_add(PERIOD_NS));
+        if frame_time_ns >= due {
             self.due_ns = Some(frame_time_ns.saturating_add(PERIOD_NS));
             self.restart();
         }
     }
 
-    /// Sends what is due in this step.
-    pub(crate) fn step(
+    /// Sends `Hello`, the time and the rest pose, if they are due.
+    pub(crate) fn greet(
         &mut self,
         settings: &Settings,
         identity: &Identity,
@@ -55,6 +56,15 @@ impl Announcer {
                 recorder.put(outbox, &report::rest(rest));
             }
         }
+    }
+
+    /// Sends the pieces of the setup that are due in this step.
+    pub(crate) fn step(
+        &mut self,
+        settings: &Settings,
+        recorder: &mut Recorder,
+        outbox: &mut OutboxProducer<'_>,
+    ) {
         for _ in 0..PIECES_PER_STEP {
             let Some(position) = self.position else { return };
             let piece = piece(settings, position);

@@ -18,7 +18,7 @@ use crate::{Command, InboxConsumer, OutboxProducer, Settings, report, windows};
 
 /// Most records that one step can put into the outbox: an event a circle, answers to a full inbox, and the
 /// pose, markers, rest, announcement, health and camera's events beside them.
-pub const MAX_RECORDS_PER_STEP: usize = MAX_CIRCLES + crate::INBOX_SLOTS + 16;
+pub const MAX_RECORDS_PER_STEP: usize = MAX_CIRCLES + crate::INBOX_SLOTS + 20;
 const _: () = assert!(MAX_RECORDS_PER_STEP < crate::OUTBOX_SLOTS);
 
 /// Who this box is.
@@ -167,8 +167,11 @@ impl Engine {
 
     /// Does what host and link have asked for since the last frame.
     fn obey(&mut self, inbox: &mut InboxConsumer<'_>, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
-        if !core::mem::replace(&mut self.started, true) {
+        let starts = !core::mem::replace(&mut self.started, true);
+        if starts {
+            // `Hello` has sequence 0: on a line without connections nothing else says where a session begins.
             self.announcer.restart();
+            self.greet(clock, outbox);
             self.recorder.event(outbox, What::Started);
         }
         while let Some(command) = inbox.dequeue() {
@@ -183,13 +186,23 @@ impl Engine {
                     let pong = Pong { number, host_time_ns, time_ns: clock.now_ns() };
                     self.recorder.put(outbox, &Record::Pong(pong));
                 }
+                // Who came before the start hears the start's own greeting.
+                Command::Announce if starts => {}
                 Command::Announce => self.announcer.restart(),
                 Command::Refused { kind } => self.recorder.event(outbox, What::CommandRefused { kind }),
             }
         }
+        // Before the wait for the next frame: a new listener can read it from the first on.
+        self.greet(clock, outbox);
     }
 
-    /// The camera gave no frame: says why, and goes on greeting who listens.
+    /// `Hello`, the time and the rest pose, if that is due.
+    fn greet(&mut self, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
+        let rest = self.rest.as_ref();
+        self.announcer.greet(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
+    }
+
+    /// The camera gave no frame: says why, and goes on sending the setup to who listens.
     fn without_frame(
         &mut self,
         kind: CameraErrorKind,
@@ -208,8 +221,7 @@ impl Engine {
             self.recorder.at(self.last_frame.unwrap_or(0), clock.now_ns());
             self.recorder.event(outbox, what);
         }
-        let rest = self.rest.as_ref();
-        self.announcer.step(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
+        self.announcer.step(&self.settings, &mut self.recorder, outbox);
         Step::NoFrame(kind)
     }
 
@@ -380,8 +392,8 @@ impl Engine {
 
     fn announce(&mut self, frame_time_ns: u64, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
         self.announcer.tick(frame_time_ns);
-        let rest = self.rest.as_ref();
-        self.announcer.step(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
+        self.greet(clock, outbox);
+        self.announcer.step(&self.settings, &mut self.recorder, outbox);
     }
 
     fn report_health(

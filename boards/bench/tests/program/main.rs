@@ -8,6 +8,7 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::process::Child;
 use std::time::Duration;
 
+use gangway_wire::kind;
 use ride::{Capture, Ride};
 use rustix::process::{Pid, Signal, kill_process};
 use serialport::{SerialPort, TTYPort};
@@ -71,6 +72,15 @@ fn every_way_in_and_every_way_out_gives_the_same_records() {
     listener.accept().unwrap().0.read_to_end(&mut bytes).unwrap();
     assert_eq!(Capture::of(&bytes).measured, expected, "as a client");
     assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn a_session_begins_with_its_hello() {
+    let ride = Ride::new(2);
+    // One behind the other on a line without connections.
+    play(&ride, "ride.gw", &["--session-id", "1"]);
+    let capture = play(&ride, "ride.gw", &["--session-id", "2"]);
+    assert_eq!(capture.firsts, [kind::HELLO, kind::HELLO]);
 }
 
 #[test]

@@ -100,6 +100,8 @@ pub(crate) struct Capture {
     /// Frame times of the poses, ns.
     pub(crate) times_ns: Vec<u64>,
     pub(crate) hellos: Vec<(u64, u64, u64)>,
+    /// Kinds of the records with the sequence 0.
+    pub(crate) firsts: Vec<u8>,
     /// Debug names of the events.
     pub(crate) events: Vec<String>,
     pub(crate) missing: u64,
@@ -118,7 +120,10 @@ impl Capture {
         while !rest.is_empty() {
             let (decoded, behind) = decoder.feed(rest);
             rest = behind;
-            let Some(Decoded::Record { kind, body, record, .. }) = decoded else { continue };
+            let Some(Decoded::Record { sequence, kind, body, record, .. }) = decoded else { continue };
+            if sequence == 0 {
+                capture.firsts.push(kind);
+            }
             let entry = (kind, body.to_vec());
             // A rest pose comes again whenever somebody new listens.
             let again = kind == kind::REST && capture.measured.contains(&entry);
