@@ -1,20 +1,52 @@
-//! The clock and the condition of the machine that plays the recording.
+//! The recording's clock, and the condition of the machine that plays it.
 
+use std::cell::Cell;
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use gangway_device::{Clock, Reading, Vitals};
-use rustix::time::{ClockId, clock_gettime};
 
-/// The monotonic clock of this machine, for loop times and pings.
+use crate::recording::Pace;
+
+/// The recording's own time, running on from the frame that was delivered last.
 ///
-/// It gives no offset to UTC: frames of a recording carry the recording's own time, which has none.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MonotonicClock;
+/// Frames carry that time, so pings, marks and the camera's events have it too. As fast as it goes, it is set anew
+/// with every frame; at the recorded rate with the first one only, and runs on at this machine's pace.
+///
+/// It gives no offset to UTC: the time of a recording has none.
+#[derive(Debug)]
+pub struct RecordingClock {
+    pace: Pace,
+    /// When time was set, and to what.
+    set: Cell<Option<(Instant, u64)>>,
+    arrived: Cell<Instant>,
+}
 
-impl Clock for MonotonicClock {
+impl RecordingClock {
+    /// A clock at 0 until the first frame sets it.
+    pub fn new(pace: Pace) -> Self {
+        Self { pace, set: Cell::new(None), arrived: Cell::new(Instant::now()) }
+    }
+
+    /// A frame of this time was delivered just now.
+    pub fn arrive(&self, time_ns: u64) {
+        let now = Instant::now();
+        self.arrived.set(now);
+        if self.pace == Pace::AsFast || self.set.get().is_none() {
+            self.set.set(Some((now, time_ns)));
+        }
+    }
+
+    /// Since the last frame was delivered.
+    pub fn since_arrival(&self) -> Duration {
+        self.arrived.get().elapsed()
+    }
+}
+
+impl Clock for RecordingClock {
     fn now_ns(&self) -> u64 {
-        let now = clock_gettime(ClockId::Monotonic);
-        now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+        let Some((set, time_ns)) = self.set.get() else { return 0 };
+        time_ns.saturating_add(u64::try_from(set.elapsed().as_nanos()).unwrap_or(u64::MAX))
     }
 
     fn utc_offset_ns(&self) -> Option<(i64, u64)> {
@@ -54,9 +86,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_clock_never_goes_back() {
-        let first = MonotonicClock.now_ns();
-        assert!(first > 0 && MonotonicClock.now_ns() >= first);
+    fn time_runs_on_from_the_frames() {
+        let second = 1_000_000_000;
+        let clock = RecordingClock::new(Pace::AsFast);
+        assert_eq!(clock.now_ns(), 0);
+        clock.arrive(5 * second);
+        let first = clock.now_ns();
+        assert!(first >= 5 * second && clock.now_ns() >= first);
+        clock.arrive(9_000 * second);
+        assert!(clock.now_ns() >= 9_000 * second, "a frame sets it as fast as it goes");
+
+        let clock = RecordingClock::new(Pace::RealTime);
+        clock.arrive(5 * second);
+        clock.arrive(9_000 * second);
+        assert!(clock.now_ns() < 9_000 * second, "at the recorded rate only the first one does");
     }
 
     #[test]

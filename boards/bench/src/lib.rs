@@ -26,7 +26,7 @@ mod run;
 pub mod source;
 mod times;
 
-pub use clock::{DiskVitals, MonotonicClock};
+pub use clock::{DiskVitals, RecordingClock};
 pub use faults::{CameraFaults, FaultError, Faults, FaultyCamera, FaultyLink, LinkFaults};
 pub use gangway_engine::Identity;
 /// The lines that the records can go to.

@@ -1,14 +1,15 @@
 //! Times the loop alone: frames from memory, records to nowhere, one thread.
 
 use std::fmt;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use gangway_device::{Camera, CameraErrorKind, Frame};
 use gangway_engine::{Board, Identity, Inbox, Outbox, Settings, Step};
 
-use crate::clock::MonotonicClock;
+use crate::clock::RecordingClock;
 use crate::lamp::FakeLamp;
 use crate::loop_times::LoopTimes;
+use crate::recording::Pace;
 use crate::run::{BenchError, Stamped, prepare};
 use crate::source::{FrameSource, Shape};
 
@@ -104,20 +105,20 @@ pub fn measure(
     let rate_hz = source.rate_hz().unwrap_or(settings.rate_hz);
     let passes = passes.max(1);
     let camera = Loaded { frames, shape, rate_hz, played: 0, passes };
-    let mut camera = Stamped { camera, arrived: Instant::now() };
+    let clock = RecordingClock::new(Pace::AsFast);
+    let mut camera = Stamped { camera, clock: &clock };
     let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
     let ((mut outbox, mut taken), (_, mut inbox)) = (outbox.split(), inbox.split());
     let mut vitals = gangway_device::Reading::default();
     let mut lamps: [FakeLamp; 0] = [];
-    let mut board =
-        Board { camera: &mut camera, clock: &MonotonicClock, vitals: &mut vitals, lamps: &mut lamps };
+    let mut board = Board { camera: &mut camera, clock: &clock, vitals: &mut vitals, lamps: &mut lamps };
     let (mut times, mut poses) = (LoopTimes::default(), 0);
     loop {
         let step = engine.step(&mut board, &mut inbox, &mut outbox);
         if step == Step::NoFrame(CameraErrorKind::Ended) {
             break;
         }
-        times.note(board.camera.arrived.elapsed());
+        times.note(clock.since_arrival());
         poses += u64::from(step == Step::Measured);
         while taken.dequeue().is_some() {}
     }

@@ -13,7 +13,7 @@ use gangway_engine::{
 };
 use gangway_link::{Carried, Courier, IDLE};
 
-use crate::clock::{DiskVitals, MonotonicClock};
+use crate::clock::{DiskVitals, RecordingClock};
 use crate::faults::{Faults, FaultyCamera, FaultyLink};
 use crate::lamp::FakeLamp;
 use crate::loop_times::LoopTimes;
@@ -195,18 +195,18 @@ pub(crate) fn prepare(
     engine.map(Box::new).map_err(|error| BenchError::Seeds { why: format!("{error:?}") })
 }
 
-/// A camera that notes when its last frame arrived.
-pub(crate) struct Stamped<C> {
+/// A camera whose frames set the clock.
+pub(crate) struct Stamped<'c, C> {
     pub(crate) camera: C,
-    pub(crate) arrived: Instant,
+    pub(crate) clock: &'c RecordingClock,
 }
 
-impl<C: Camera> Camera for Stamped<C> {
+impl<C: Camera> Camera for Stamped<'_, C> {
     type Error = C::Error;
 
     fn next_frame(&mut self) -> Result<Frame<'_>, C::Error> {
         let frame = self.camera.next_frame()?;
-        self.arrived = Instant::now();
+        self.clock.arrive(frame.time_ns());
         Ok(frame)
     }
 }
@@ -247,7 +247,8 @@ pub fn run<L: Link<Error = gangway_link::Error> + fmt::Display + Send>(
     source.remark().iter().for_each(|remark| say(remark));
     let camera = Recording::new(source, play.passes.max(1), play.limit, timing, play.pace, stop);
     let camera = FaultyCamera::new(camera, play.faults.camera, play.seed);
-    let mut camera = Stamped { camera, arrived: Instant::now() };
+    let clock = RecordingClock::new(play.pace);
+    let mut camera = Stamped { camera, clock: &clock };
     let link = FaultyLink::new(link, play.faults.link, play.seed);
 
     let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
@@ -284,7 +285,7 @@ pub fn run<L: Link<Error = gangway_link::Error> + fmt::Display + Send>(
 /// The frame loop, to the end of the recording.
 fn work<C: Camera<Error = CameraErrorKind>>(
     engine: &mut Engine,
-    camera: &mut Stamped<C>,
+    camera: &mut Stamped<'_, C>,
     play: &Play,
     inbox: &mut InboxConsumer<'_>,
     outbox: &mut OutboxProducer<'_>,
@@ -293,7 +294,8 @@ fn work<C: Camera<Error = CameraErrorKind>>(
 ) -> Summary {
     let mut vitals = DiskVitals::new(play.disk.clone());
     let mut lamps: [FakeLamp; 0] = [];
-    let mut board = Board { camera, clock: &MonotonicClock, vitals: &mut vitals, lamps: &mut lamps };
+    let clock = camera.clock;
+    let mut board = Board { camera, clock, vitals: &mut vitals, lamps: &mut lamps };
     let mut summary = Summary::default();
     let ends = || stop.load(Ordering::Acquire) || state.is_broken.load(Ordering::Acquire);
     loop {
@@ -315,7 +317,7 @@ fn work<C: Camera<Error = CameraErrorKind>>(
             Step::Unmeasured | Step::Repeated => {}
         }
         summary.frames += 1;
-        summary.times.note(board.camera.arrived.elapsed());
+        summary.times.note(clock.since_arrival());
     }
     if play.pace == Pace::AsFast {
         wait_for_room(outbox, ends);

@@ -84,6 +84,19 @@ fn a_session_begins_with_its_hello() {
 }
 
 #[test]
+fn the_clock_of_the_box_is_that_of_the_frames() {
+    let ride = Ride::new(60);
+    for pace in [&[][..], &["--real-time"]] {
+        let capture = play(&ride, "ride.gw", &[&["--fault", "late:0.2"], pace].concat());
+        assert!(capture.clock_ns.len() > 3, "a greeting, stalls and health: {:?}", capture.clock_ns);
+        // 1.2 s of frames; a machine whose own clock stood below a minute would have to start up at once.
+        let bound = 60_000_000_000;
+        assert!(capture.clock_ns.iter().all(|&time| time < bound), "{:?}", capture.clock_ns);
+        std::fs::remove_file(ride.path("ride.gw")).unwrap();
+    }
+}
+
+#[test]
 fn datagrams_carry_whole_records() {
     let ride = Ride::new(12);
     let expected = play(&ride, "file.gw", &[]).measured;

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gangway_wire::{Decoded, Decoder, Record, kind};
+use gangway_wire::{Decoded, Decoder, Record, What, kind};
 use tempfile::TempDir;
 
 const WIDTH: usize = 160;
@@ -102,6 +102,8 @@ pub(crate) struct Capture {
     pub(crate) hellos: Vec<(u64, u64, u64)>,
     /// Kinds of the records with the sequence 0.
     pub(crate) firsts: Vec<u8>,
+    /// Times on the box's clock: of the camera's stalls, of health and of the time records, ns.
+    pub(crate) clock_ns: Vec<u64>,
     /// Debug names of the events.
     pub(crate) events: Vec<String>,
     pub(crate) missing: u64,
@@ -129,6 +131,14 @@ impl Capture {
             let again = kind == kind::REST && capture.measured.contains(&entry);
             if matches!(kind, kind::POSE | kind::MARKERS | kind::REST) && !again {
                 capture.measured.push(entry);
+            }
+            match record {
+                Record::Event(event) if event.what == What::CameraStalled => {
+                    capture.clock_ns.push(event.time_ns);
+                }
+                Record::Health(health) => capture.clock_ns.push(health.time_ns),
+                Record::TimeSync(sync) => capture.clock_ns.push(sync.time_ns),
+                _ => {}
             }
             match record {
                 Record::Pose(pose) => {
