@@ -26,14 +26,13 @@ mod visibility;
 mod windows;
 
 pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
+pub use gangway_wire::{MAX_MARK, MAX_NAME};
 pub use outbox::{
-    Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, MAX_MARK, OUTBOX_SLOTS, Outbox,
-    OutboxConsumer, OutboxProducer, Packet,
+    Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, OUTBOX_SLOTS, Outbox, OutboxConsumer,
+    OutboxProducer, Packet,
 };
 pub use rest::MAX_REST_FRAMES;
 pub use settings::{Limits, RestSettings, Settings};
 
 /// Longest setup text that the box carries and announces, bytes.
 pub const MAX_SETUP_TEXT: usize = 16_384;
-/// Longest name of a box, bytes.
-pub const MAX_NAME: usize = 32;

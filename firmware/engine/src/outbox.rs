@@ -1,14 +1,12 @@
 //! What leaves the frame loop and what comes in: bounded queues that never block it.
 
-use gangway_wire::MAX_FRAME;
+use gangway_wire::{MAX_FRAME, MAX_MARK};
 use heapless::{String, Vec, spsc};
 
 /// Framed records that may wait for the link: about 2.5 s at 50 frames/s.
 pub const OUTBOX_SLOTS: usize = 256;
 /// Commands that may wait for the next frame.
 pub const INBOX_SLOTS: usize = 16;
-/// Longest text of a mark, bytes.
-pub const MAX_MARK: usize = 64;
 
 /// One framed record, ready for the line, delimiter included.
 #[derive(Clone, Debug, Default)]
