@@ -13,7 +13,7 @@ pub enum ReportError {
     },
     /// No frame has a pose.
     #[error(
-        "{session}: none of its {frames} frames has a pose ({waiting} waited for the rest pose); look at its events for the reason"
+        "{session}: none of its {frames} frames has a pose ({waiting} waited for the rest pose, which takes at least 10 frames at rest with the targets in sight); its events say what was lost"
     )]
     NoPose {
         /// Name of the session.

@@ -113,7 +113,8 @@ impl Evaluation {
             notes.push(format!("{} frames of the truth are missing in the session.", f.not_in_session));
         }
         if self.longest_gap_frames > 0 {
-            notes.push(format!("Longest stretch without a pose: {} frames.", self.longest_gap_frames));
+            let frames = if self.longest_gap_frames == 1 { "frame" } else { "frames" };
+            notes.push(format!("Longest stretch without a pose: {} {frames}.", self.longest_gap_frames));
         }
         if let Some(rate) = self.rate_hz {
             notes.push(format!(

@@ -156,7 +156,8 @@ fn nothing_to_evaluate_is_one_sentence() {
     let waiting: Vec<Sample> = samples.iter().map(|s| Sample { flags: PoseFlags::WAITING, ..*s }).collect();
     assert_eq!(
         message(&waiting),
-        "ride: none of its 4 frames has a pose (4 waited for the rest pose); look at its events for the reason"
+        "ride: none of its 4 frames has a pose (4 waited for the rest pose, which takes at least 10 frames at rest \
+         with the targets in sight); its events say what was lost"
     );
 
     let later: Vec<Sample> = samples.iter().map(|s| Sample { frame: s.frame + 100, ..*s }).collect();
