@@ -7,12 +7,12 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The scene file, or the table it names, cannot be read.
-    #[error("{}: cannot be read: {source}", file.display())]
+    #[error("{}: cannot be read: {why}", file.display())]
     Read {
         /// The file.
         file: PathBuf,
         /// What the system said.
-        source: io::Error,
+        why: io::Error,
     },
     /// The file says something that is not allowed.
     #[error("{file}:{line}: {}{message}", if key.is_empty() { String::new() } else { format!("{key}: ") })]
@@ -33,12 +33,12 @@ pub enum SceneError {
         name: String,
     },
     /// An output cannot be written; nothing of it is left behind.
-    #[error("{}: cannot be written: {source}; nothing was left there", path.display())]
+    #[error("{}: cannot be written: {why}; nothing was left there", path.display())]
     Write {
         /// The output.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        why: io::Error,
     },
     /// An output of an earlier run is in the way.
     #[error("{}: is there already; remove it or choose another directory", path.display())]

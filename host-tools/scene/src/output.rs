@@ -60,8 +60,8 @@ impl Temporary {
         Ok(self.name.clone())
     }
 
-    fn error(&self, source: io::Error) -> SceneError {
-        SceneError::Write { path: self.name.clone(), source }
+    fn error(&self, why: io::Error) -> SceneError {
+        SceneError::Write { path: self.name.clone(), why }
     }
 
     fn text(name: PathBuf, text: &str) -> Result<Self, SceneError> {
@@ -90,7 +90,7 @@ impl Scene {
         format: Format,
         mut done: impl FnMut(u32),
     ) -> Result<Written, SceneError> {
-        let failed = |source| SceneError::Write { path: into.to_owned(), source };
+        let failed = |why| SceneError::Write { path: into.to_owned(), why };
         fs::create_dir_all(into).map_err(failed)?;
         let frames = Temporary::new(into.join(format.file()));
         // A file is replaced in one step, a directory of pictures is not.

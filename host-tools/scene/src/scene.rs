@@ -87,8 +87,8 @@ impl Scene {
 
     /// Reads a scene file.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SceneError::Read { file: path.to_owned(), source })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|why| SceneError::Read { file: path.to_owned(), why })?;
         Self::parse(&text, &path.display().to_string())
     }
 
