@@ -8,6 +8,8 @@ use nalgebra::Vector3;
 
 /// Most spacings that are tried: a 7-CCC has four diagonal and four straight ones to either side.
 pub(crate) const MAX_SPACINGS: usize = 12;
+/// A spacing away may stand another wrong pose, with more rings: from there it is tried once more.
+pub(crate) const ROUNDS: usize = 2;
 /// Spacings that differ by less than this share of their length are one: targets are turned against each other.
 const SAME: f64 = 0.4;
 /// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a 7-CCC

@@ -289,36 +289,46 @@ impl Engine {
         frame: &Frame<'_>,
         solution: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
-        let number = frame.number();
-        let used = |solution: &Result<Solution, PoseError>| {
-            solution.as_ref().map_or(0, |solution| solution.used.count_ones())
-        };
-        let mut best = solution;
-        let mut jumped = false;
-        if self.doubt.arises(number, used(&best), windows::in_picture(&self.searches, self.settings.picture))
-        {
-            let base =
-                best.as_ref().map_or_else(|_| self.predictor.predict(number), |solution| solution.pose);
-            let mut outcomes = self.outcomes;
-            for spacing in &self.spacings.clone() {
+        let in_picture = windows::in_picture(&self.searches, self.settings.picture);
+        let doubtful = self.doubt.arises(frame.number(), used(&solution), in_picture);
+        let found = if doubtful { self.best_neighbour(frame, solution, in_picture) } else { solution };
+        if let Ok(pose) = found.map(|solution| solution.pose) {
+            self.predictor.update(frame.number(), pose);
+            if used(&found) > used(&solution) {
+                self.predictor.hold();
+            }
+        }
+        found
+    }
+
+    /// The pose with the most rings among `first` and those a spacing or two away.
+    fn best_neighbour(
+        &mut self,
+        frame: &Frame<'_>,
+        first: Result<Solution, PoseError>,
+        in_picture: u32,
+    ) -> Result<Solution, PoseError> {
+        let mut best = first;
+        let mut outcomes = self.outcomes;
+        let spacings = self.spacings.clone();
+        for _ in 0..alias::ROUNDS {
+            let predicted = self.predictor.predict(frame.number());
+            let base = best.as_ref().map_or(predicted, |solution| solution.pose);
+            for spacing in &spacings {
+                if alias::is_trusted(used(&best), in_picture) {
+                    break;
+                }
                 let pose = alias::shifted(&base, spacing);
                 windows::searches(&self.settings, &pose, false, &mut self.searches);
                 self.look(frame);
                 let other = self.solve(&pose);
                 if used(&other) > used(&best) {
                     best = other;
-                    jumped = true;
                     outcomes = self.outcomes;
                 }
             }
-            self.outcomes = outcomes;
         }
-        if let Ok(solution) = &best {
-            self.predictor.update(number, solution.pose);
-        }
-        if jumped {
-            self.predictor.hold();
-        }
+        self.outcomes = outcomes;
         best
     }
 
@@ -406,6 +416,11 @@ impl Engine {
         let health = self.pulse.take(clock.now_ns(), vitals.read(), lost, high_water);
         self.recorder.put(outbox, &Record::Health(health));
     }
+}
+
+/// Circles that went into a pose.
+fn used(solution: &Result<Solution, PoseError>) -> u32 {
+    solution.as_ref().map_or(0, |solution| solution.used.count_ones())
 }
 
 /// The rings seen, with the numbers of their circles.
