@@ -292,6 +292,9 @@ impl Engine {
         let in_picture = windows::in_picture(&self.searches, self.settings.picture);
         let doubtful = self.doubt.arises(frame.number(), used(&solution), in_picture);
         let found = if doubtful { self.best_neighbour(frame, solution, in_picture) } else { solution };
+        if alias::is_trusted(used(&found), in_picture) {
+            self.doubt = Doubt::default();
+        }
         if let Ok(pose) = found.map(|solution| solution.pose) {
             self.predictor.update(frame.number(), pose);
             if used(&found) > used(&solution) {
