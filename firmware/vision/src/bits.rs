@@ -13,6 +13,9 @@ const _: () = assert!(MAX_SIDE.is_multiple_of(64));
 /// One row; bit `x % 64` of word `x / 64` is pixel `x`, set where it is dark. Bits beyond the width are clear.
 type Row = [u64; WORDS];
 
+/// What a filter knows of the first `N` words of a row.
+type Pair<const N: usize> = ([u64; N], [u64; N]);
+
 /// A binary window.
 pub(crate) struct Bits {
     rows: [Row; MAX_SIDE],
@@ -54,9 +57,9 @@ impl Bits {
     /// The 3x3 median; beyond the window's edge its own pixels go on.
     pub(crate) fn median(&mut self) {
         match self.width.div_ceil(64) {
-            0 | 1 => self.filter(median_row::<1>),
-            2 => self.filter(median_row::<2>),
-            _ => self.filter(median_row::<3>),
+            0 | 1 => self.filter(sums_of_three::<1>, majority),
+            2 => self.filter(sums_of_three::<2>, majority),
+            _ => self.filter(sums_of_three::<3>, majority),
         }
     }
 
@@ -65,33 +68,40 @@ impl Bits {
     pub(crate) fn open(&mut self) {
         match self.width.div_ceil(64) {
             0 | 1 => {
-                self.filter(erode_row::<1>);
-                self.filter(dilate_row::<1>);
+                self.filter(all_of_three::<1>, eroded);
+                self.filter(any_of_three::<1>, dilated);
             }
             2 => {
-                self.filter(erode_row::<2>);
-                self.filter(dilate_row::<2>);
+                self.filter(all_of_three::<2>, eroded);
+                self.filter(any_of_three::<2>, dilated);
             }
             _ => {
-                self.filter(erode_row::<3>);
-                self.filter(dilate_row::<3>);
+                self.filter(all_of_three::<3>, eroded);
+                self.filter(any_of_three::<3>, dilated);
             }
         }
     }
 
-    /// Makes every row from itself and the rows above and below it; the first and last stand in for those
-    /// outside.
+    /// Makes every row of `N` words from what `along` makes of it and of the rows above and below it; the first and
+    /// last stand in for those outside.
     #[inline(always)]
-    fn filter(&mut self, row: impl Fn(&Row, &Row, &Row, &Row, &Row) -> Row) {
+    fn filter<const N: usize>(
+        &mut self,
+        along: impl Fn(&[u64; N], &Row) -> Pair<N>,
+        across: impl Fn(&Pair<N>, &Pair<N>, &Pair<N>, usize) -> u64,
+    ) {
         let (mask, last) = (row_mask(self.width), last_pixel(self.width));
+        let along = |row: &Row| along(&core::array::from_fn(|i| row[i]), &last);
         let rows = self.rows.get_mut(..self.height).unwrap_or_default();
-        let Some(&first) = rows.first() else { return };
-        let mut above = first;
+        let Some(first) = rows.first() else { return };
+        let mut above = along(first);
+        let mut present = above;
         for y in 0..rows.len() {
-            let present = rows[y];
-            let below = rows.get(y + 1).copied().unwrap_or(present);
-            rows[y] = row(&above, &present, &below, &mask, &last);
-            above = present;
+            let below = rows.get(y + 1).map_or(present, along);
+            for i in 0..N {
+                rows[y][i] = across(&above, &present, &below, i) & mask[i];
+            }
+            (above, present) = (present, below);
         }
     }
 
@@ -102,26 +112,37 @@ impl Bits {
     }
 }
 
-/// Bit `i` says whether byte `i` is below `threshold` (1 to 255), eight bytes at a time in one register.
+/// Bit `i` says whether byte `i` is below `threshold`.
 #[inline(always)]
 fn below(block: &[u8; 64], threshold: u8) -> u64 {
-    const HIGH: u64 = 0x8080_8080_8080_8080;
-    // Byte i of a product with this lands its lowest bit on bit 56 + i, and no two of them meet.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
-    let low = u64::from(threshold & 0x7f) * 0x0101_0101_0101_0101;
-    // A threshold of 128 or more: at least it only if the high bit is set as well; else, already if it is.
-    let either = if threshold & 0x80 == 0 { u64::MAX } else { 0 };
-    let (eights, _) = block.as_chunks::<8>();
-    let mut word = 0;
-    for (eight, i) in eights.iter().zip(0u32..) {
-        let x = u64::from_le_bytes(*eight);
-        // The high bit of a byte: whether its low seven bits reach the threshold's.
-        let reaches = (x | HIGH) - low;
-        let at_least = (x & reaches) | (either & (x | reaches));
-        let below = !at_least & HIGH;
-        word |= ((below >> 7).wrapping_mul(GATHER) >> 56) << (8 * i);
+    let mut columns = [0; 16];
+    compare(block, threshold, &mut columns);
+    let [low, high] = [0, 8].map(|first| u64::from_le_bytes(core::array::from_fn(|j| columns[first + j])));
+    transposed(low | high << 1)
+}
+
+/// Bit 2 k of column j says whether byte 16 k + j is below `threshold`. Not inlined: so the compiler compares sixteen
+/// bytes at a time.
+#[inline(never)]
+fn compare(block: &[u8; 64], threshold: u8, columns: &mut [u8; 16]) {
+    let (rows, _) = block.as_chunks::<16>();
+    let below = |row: usize, j: usize| u8::from(rows[row][j] < threshold);
+    for (j, column) in columns.iter_mut().enumerate() {
+        *column = below(0, j) | below(1, j) << 2 | below(2, j) << 4 | below(3, j) << 6;
     }
-    word
+}
+
+/// Bit k of byte j for bit j of byte k: swaps single bits, then squares of 2 x 2, then of 4 x 4 (H. S. Warren, Hacker's
+/// Delight, 7-3).
+#[inline(always)]
+fn transposed(mut x: u64) -> u64 {
+    for (mask, shift) in
+        [(0x00aa_00aa_00aa_00aa, 7), (0x0000_cccc_0000_cccc, 14), (0x0000_0000_f0f0_f0f0, 28)]
+    {
+        let swapped = (x ^ (x >> shift)) & mask;
+        x ^= swapped ^ (swapped << shift);
+    }
+    x
 }
 
 /// All pixels of a row of `width`.
@@ -143,26 +164,14 @@ fn last_pixel(width: usize) -> Row {
 
 /// Every pixel's left neighbour; that of the first is `first`.
 #[inline(always)]
-fn left<const N: usize>(row: &Row, first: u64) -> Row {
-    let mut out = [0; WORDS];
-    let mut carry = first & 1;
-    for i in 0..N {
-        out[i] = row[i] << 1 | carry;
-        carry = row[i] >> 63;
-    }
-    out
+fn left<const N: usize>(row: &[u64; N], first: u64) -> [u64; N] {
+    core::array::from_fn(|i| row[i] << 1 | if i == 0 { first & 1 } else { row[i - 1] >> 63 })
 }
 
 /// Every pixel's right neighbour; that of the last is clear.
 #[inline(always)]
-fn right<const N: usize>(row: &Row) -> Row {
-    let mut out = [0; WORDS];
-    let mut carry = 0;
-    for i in (0..N).rev() {
-        out[i] = row[i] >> 1 | carry << 63;
-        carry = row[i] & 1;
-    }
-    out
+fn right<const N: usize>(row: &[u64; N]) -> [u64; N] {
+    core::array::from_fn(|i| row[i] >> 1 | if i + 1 < N { row[i + 1] << 63 } else { 0 })
 }
 
 /// At least two of three.
@@ -171,57 +180,50 @@ fn two_of(a: u64, b: u64, c: u64) -> u64 {
     (a & b) | (c & (a | b))
 }
 
-/// Sum of a pixel and its two neighbours in the row: ones and twos.
+/// How many of a pixel and its two neighbours in the row are set: ones and twos.
 #[inline(always)]
-fn three<const N: usize>(row: &Row, last: &Row) -> (Row, Row) {
-    let (l, r) = (left::<N>(row, row[0]), right::<N>(row));
-    let (mut ones, mut twos) = ([0; WORDS], [0; WORDS]);
-    for i in 0..N {
-        let r = r[i] | (row[i] & last[i]);
-        ones[i] = l[i] ^ row[i] ^ r;
-        twos[i] = two_of(l[i], row[i], r);
-    }
-    (ones, twos)
+fn sums_of_three<const N: usize>(row: &[u64; N], last: &Row) -> Pair<N> {
+    let (l, r) = (left(row, row[0]), right(row));
+    let r: [u64; N] = core::array::from_fn(|i| r[i] | (row[i] & last[i]));
+    (core::array::from_fn(|i| l[i] ^ row[i] ^ r[i]), core::array::from_fn(|i| two_of(l[i], row[i], r[i])))
+}
+
+/// Whether at least five of nine are set, by the sums of three rows.
+#[inline(always)]
+fn majority<const N: usize>(above: &Pair<N>, row: &Pair<N>, below: &Pair<N>, i: usize) -> u64 {
+    let ones = above.0[i] ^ row.0[i] ^ below.0[i];
+    let carry = two_of(above.0[i], row.0[i], below.0[i]);
+    // Of four twos: at least two, at least three. Nine bits make five or more if there are three twos, or two twos
+    // and a one.
+    let (ab_and, ab_or) = (above.1[i] & row.1[i], above.1[i] | row.1[i]);
+    let (cd_and, cd_or) = (below.1[i] & carry, below.1[i] | carry);
+    let two = ab_and | cd_and | (ab_or & cd_or);
+    let three = (ab_and & cd_or) | (cd_and & ab_or);
+    three | (two & ones)
+}
+
+/// A row, and its pixels whose neighbours in it are set as well.
+#[inline(always)]
+fn all_of_three<const N: usize>(row: &[u64; N], last: &Row) -> Pair<N> {
+    let (l, r) = (left(row, 1), right(row));
+    (*row, core::array::from_fn(|i| row[i] & l[i] & (r[i] | last[i])))
 }
 
 #[inline(always)]
-fn median_row<const N: usize>(above: &Row, row: &Row, below: &Row, mask: &Row, last: &Row) -> Row {
-    let (a1, a2) = three::<N>(above, last);
-    let (b1, b2) = three::<N>(row, last);
-    let (c1, c2) = three::<N>(below, last);
-    let mut out = [0; WORDS];
-    for i in 0..N {
-        let ones = a1[i] ^ b1[i] ^ c1[i];
-        let carry = two_of(a1[i], b1[i], c1[i]);
-        // Of the four twos a2, b2, c2, carry: at least two, at least three. Nine bits make five or more if
-        // there are three twos, or two twos and a one.
-        let (ab_and, ab_or) = (a2[i] & b2[i], a2[i] | b2[i]);
-        let (cd_and, cd_or) = (c2[i] & carry, c2[i] | carry);
-        let two = ab_and | cd_and | (ab_or & cd_or);
-        let three = (ab_and & cd_or) | (cd_and & ab_or);
-        out[i] = (three | (two & ones)) & mask[i];
-    }
-    out
+fn eroded<const N: usize>(above: &Pair<N>, row: &Pair<N>, below: &Pair<N>, i: usize) -> u64 {
+    above.0[i] & row.1[i] & below.0[i]
+}
+
+/// A row, and its pixels that are set or have a neighbour in it that is.
+#[inline(always)]
+fn any_of_three<const N: usize>(row: &[u64; N], _: &Row) -> Pair<N> {
+    let (l, r) = (left(row, 0), right(row));
+    (*row, core::array::from_fn(|i| row[i] | l[i] | r[i]))
 }
 
 #[inline(always)]
-fn erode_row<const N: usize>(above: &Row, row: &Row, below: &Row, _: &Row, last: &Row) -> Row {
-    let (l, r) = (left::<N>(row, 1), right::<N>(row));
-    let mut out = [0; WORDS];
-    for i in 0..N {
-        out[i] = row[i] & l[i] & (r[i] | last[i]) & above[i] & below[i];
-    }
-    out
-}
-
-#[inline(always)]
-fn dilate_row<const N: usize>(above: &Row, row: &Row, below: &Row, mask: &Row, _: &Row) -> Row {
-    let (l, r) = (left::<N>(row, 0), right::<N>(row));
-    let mut out = [0; WORDS];
-    for i in 0..N {
-        out[i] = (row[i] | l[i] | r[i] | above[i] | below[i]) & mask[i];
-    }
-    out
+fn dilated<const N: usize>(above: &Pair<N>, row: &Pair<N>, below: &Pair<N>, i: usize) -> u64 {
+    above.0[i] | row.1[i] | below.0[i]
 }
 
 #[cfg(test)]

@@ -56,10 +56,9 @@ pub(crate) fn find(
             continue;
         }
         for (dark_number, dark) in components.dark.parts() {
-            let apart = distance(dark.centroid(), bright.centroid());
-            if dark.touches_edge([width, height])
-                || !dark.encloses(bright)
-                || apart > settings.max_centroid_distance_px
+            if !dark.encloses(bright)
+                || dark.touches_edge([width, height])
+                || distance(dark.centroid(), bright.centroid()) > settings.max_centroid_distance_px
             {
                 continue;
             }
@@ -155,7 +154,8 @@ fn centre_of_cut(part: &Part, i: usize, size: usize, half: f64) -> f64 {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    libm::hypot(a[0] - b[0], a[1] - b[1])
+    let (u, v) = (a[0] - b[0], a[1] - b[1]);
+    libm::sqrt(u * u + v * v)
 }
 
 /// `a` and `b` weighted 1 - share and share.

@@ -2,7 +2,7 @@
 //! union-find in one walk over the rows, with area and centroid of each.
 
 use crate::MAX_SIDE;
-use crate::bits::{Bits, WORDS};
+use crate::bits::Bits;
 
 /// Most runs of one colour in a window. A window full of rings and clutter has a few hundred.
 const MAX_RUNS: usize = 4096;
@@ -134,18 +134,11 @@ impl<const REACH: u8> Layer<REACH> {
             if run.start >= end + REACH {
                 break;
             }
-            let other = root(&self.parents, run.part);
-            part = Some(match part {
-                None => other,
-                Some(part) if part == other => part,
-                Some(part) => {
-                    let (low, high) = (part.min(other), part.max(other));
-                    if let Some(parent) = self.parents.get_mut(high as usize) {
-                        *parent = low;
-                    }
-                    low
-                }
-            });
+            part = match part {
+                None => Some(run.part),
+                Some(part) if part == run.part => Some(part),
+                Some(part) => Some(unite(&mut self.parents, part, run.part)),
+            };
         }
         let part = match part {
             Some(part) => part,
@@ -211,6 +204,16 @@ impl<const REACH: u8> Layer<REACH> {
     }
 }
 
+/// Makes two components one and says which.
+fn unite(parents: &mut [u16; MAX_PARTS], one: u16, other: u16) -> u16 {
+    let (one, other) = (root(parents, one), root(parents, other));
+    let (low, high) = (one.min(other), one.max(other));
+    if let Some(parent) = parents.get_mut(high as usize) {
+        *parent = low;
+    }
+    low
+}
+
 /// The component that `part` has become.
 #[inline(always)]
 fn root(parents: &[u16; MAX_PARTS], mut part: u16) -> u16 {
@@ -244,6 +247,7 @@ impl Components {
         self.dark.clear(0);
         self.bright.clear(1);
         let width = bits.width().min(MAX_SIDE) as u8;
+        let words = bits.width().div_ceil(64);
         let last_row = bits.height().saturating_sub(1);
         for (y, row) in bits.rows().iter().enumerate() {
             self.dark.start_row();
@@ -254,7 +258,7 @@ impl Components {
             let mut start = 0u8;
             let mut dark = false;
             let mut carry = 0;
-            for (word, offset) in row.iter().zip([0u8, 64, 128].iter().take(WORDS)) {
+            for (word, offset) in row.iter().zip([0u8, 64, 128]).take(words) {
                 let mut changes = word ^ (word << 1 | carry);
                 carry = word >> 63;
                 while changes != 0 {

@@ -6,9 +6,8 @@ use crate::loader::Plane;
 /// much of a window of 2 to 3 diameters, even where a post hides part of it.
 const BRIGHT_SHARE: f64 = 0.2;
 
-/// Windows with at least this side are sampled on every second row: the levels are means over enough
-/// samples either way.
-const LARGE_SIDE: usize = 40;
+/// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples.
+const SAMPLED_ROWS: usize = 20;
 
 /// The two levels of a window, 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,11 +53,11 @@ pub(crate) fn levels(plane: &Plane, ring_share: f64) -> Levels {
     Levels { dark: f64::from(sum) / f64::from(taken.max(1)), bright: f64::from(bright) }
 }
 
-/// Histogram of every second sample of a row, and of every second row where the window is large.
+/// Histogram of every second sample of a row, and of every second row or fewer where the window is large.
 fn histogram(plane: &Plane) -> [u16; 256] {
     // Two tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
     let (mut even, mut odd) = ([0u16; 256], [0u16; 256]);
-    let every = if plane.height() >= LARGE_SIDE { 2 } else { 1 };
+    let every = (plane.height() / SAMPLED_ROWS).max(1);
     for row in plane.rows().iter().step_by(every) {
         let row = row.get(..plane.width()).unwrap_or_default();
         let mut quads = row.chunks_exact(4);
