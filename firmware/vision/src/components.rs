@@ -258,7 +258,8 @@ impl Components {
             let mut start = 0u8;
             let mut dark = false;
             let mut carry = 0;
-            for (word, offset) in row.iter().zip([0u8, 64, 128]).take(words) {
+            for (i, &word) in row.iter().enumerate().take(words) {
+                let offset = 64 * i as u8;
                 let mut changes = word ^ (word << 1 | carry);
                 carry = word >> 63;
                 while changes != 0 {

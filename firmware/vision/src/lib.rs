@@ -12,6 +12,7 @@ mod components;
 mod consensus;
 mod lanes;
 mod loader;
+mod model;
 mod patch;
 mod refusal;
 mod search;

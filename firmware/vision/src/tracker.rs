@@ -20,7 +20,7 @@ const MIN_OPENED_PX: f64 = 4.0;
 /// A window moved by less than this share of a diameter shows the same.
 const NEW_WINDOW: f64 = 0.1;
 
-/// The tracker with its working memory, about 500 KiB; made once and kept.
+/// The tracker with its working memory, about 400 KiB; made once and kept.
 pub struct Tracker {
     settings: Settings,
     plane: Plane,
