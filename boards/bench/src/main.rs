@@ -163,6 +163,12 @@ fn send(
         Ok(summary) => {
             let ended = if summary.interrupted { "interrupted: " } else { "" };
             print(&format!("{ended}{summary}; to {place}"));
+            if summary.frames > 0 && summary.poses == 0 {
+                say(
+                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight; \
+                     the events (gangway decode) say what was lost",
+                );
+            }
             Ok(())
         }
         Err(Failure { error, summary }) => {

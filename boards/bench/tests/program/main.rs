@@ -49,6 +49,14 @@ fn every_frame_of_a_recording_has_its_record_and_one_line_closes() {
 }
 
 #[test]
+fn a_ride_without_rest_says_what_rest_takes() {
+    let ride = Ride::new(9);
+    let run = ride.program().args(["--frames", "ride.y4m", "--to", "file:ride.gw"]).assert().success();
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    assert!(said.contains("at least 10 frames at rest"), "{said}");
+}
+
+#[test]
 fn every_way_in_and_every_way_out_gives_the_same_records() {
     let ride = Ride::new(12);
     let expected = play(&ride, "file.gw", &[]).measured;
