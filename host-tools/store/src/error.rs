@@ -34,7 +34,7 @@ pub enum StoreError {
         error: io::Error,
     },
     /// No room left.
-    #[error("{}: the disk is full; make room and start again, what was written before is kept", path.display())]
+    #[error("{}: the disk is full; make room and start again; a session keeps what it has received", path.display())]
     Full {
         /// What was being written.
         path: PathBuf,

@@ -57,7 +57,12 @@ impl Source {
     pub(crate) fn open(address: &Address) -> Result<Self, StoreError> {
         let refused = |what: &str, error: io::Error| StoreError::Connect {
             what: address.to_string(),
-            why: format!("{what}: {error}"),
+            why: match error.kind() {
+                io::ErrorKind::AddrInUse => {
+                    format!("{what}: another program has this port; choose another one")
+                }
+                _ => format!("{what}: {error}"),
+            },
         };
         Ok(match address {
             Address::Tcp(place) => {

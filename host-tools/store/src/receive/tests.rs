@@ -187,7 +187,7 @@ fn a_box_that_connects_is_received_and_others_wait() {
     let to = receiver.local_address().unwrap();
     let in_use = Address::TcpListen(to.to_string());
     let said = Receiver::open(&in_use, dir.path(), Until::default()).unwrap_err().to_string();
-    assert!(said.contains("cannot listen there"), "{said}");
+    assert!(said.contains("cannot listen there: another program has this port"), "{said}");
     let bytes = ride(1, 20);
     let without_end = bytes[..bytes.len() / 2].to_vec();
     let sent = without_end.clone();
