@@ -16,6 +16,17 @@ const _: () = assert!(MAX_PIXELS.is_multiple_of(BLOCK));
 const FAR: u8 = u8::MAX;
 const _: () = assert!(MAX_SIDE + 32 < FAR as usize);
 
+/// The columns of a patch: a row's are copied from here.
+const COLUMNS: [u8; MAX_SIDE] = {
+    let mut columns = [0; MAX_SIDE];
+    let mut column = 0;
+    while column < MAX_SIDE {
+        columns[column] = column as u8;
+        column += 1;
+    }
+    columns
+};
+
 /// Pixels of a part of the picture: column and row from its corner, value.
 pub(crate) struct Patch {
     x: [u8; MAX_PIXELS],
@@ -76,14 +87,17 @@ impl Patch {
     /// Takes the pixels of a row from `start` up to `end`, that one excluded.
     fn take_span(&mut self, frame: &Frame, row: usize, start: usize, end: usize) {
         let span = self.count..self.count + end - start;
-        let (Some(x), Some(y), Some(values)) =
-            (self.x.get_mut(span.clone()), self.y.get_mut(span.clone()), self.values.get_mut(span.clone()))
-        else {
+        let (Some(x), Some(y), Some(values), Some(columns)) = (
+            self.x.get_mut(span.clone()),
+            self.y.get_mut(span.clone()),
+            self.values.get_mut(span.clone()),
+            COLUMNS.get(start..end),
+        ) else {
             return;
         };
         self.count = span.end;
+        x.copy_from_slice(columns);
         y.fill(row as u8);
-        x.iter_mut().zip(start as u8..).for_each(|(x, column)| *x = column);
         load_row(frame, self.rect.x + start as u16, self.rect.y + row as u16, values);
     }
 
