@@ -98,6 +98,7 @@ fn a_jump_by_a_spacing_of_the_circles_is_not_taken_for_standing_still() {
     let (poses, _) = play(&mut ride.start(), order);
     let circles = ride.settings.circles.len();
     assert_eq!(usize::from(poses[&25].markers), circles, "every ring is found where it is");
+    assert!(!poses[&25].flags.contains(PoseFlags::SPARSE), "and none is missed");
     assert_true(&ride, &poses, |frame| if frame < 25 { frame as usize } else { frame as usize + 51 });
 }
 

@@ -313,8 +313,10 @@ impl Engine {
     ) -> Result<Solution, PoseError> {
         let mut best = first;
         let mut outcomes = self.outcomes;
+        let mut searches = self.searches.clone();
         let spacings = self.spacings.clone();
         for _ in 0..alias::ROUNDS {
+            let before = used(&best);
             let predicted = self.predictor.predict(frame.number());
             let base = best.as_ref().map_or(predicted, |solution| solution.pose);
             for spacing in &spacings {
@@ -328,10 +330,16 @@ impl Engine {
                 if used(&other) > used(&best) {
                     best = other;
                     outcomes = self.outcomes;
+                    searches.clone_from(&self.searches);
                 }
+            }
+            // From the same pose the next round would try the same neighbours.
+            if used(&best) == before {
+                break;
             }
         }
         self.outcomes = outcomes;
+        self.searches = searches;
         best
     }
 
