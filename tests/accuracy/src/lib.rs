@@ -1,0 +1,9 @@
+//! Each claim about the pose, simulated: a function that gives the figures of one case and one seed, and a table
+//! over all of them. `cargo run --release -p accuracy` prints the tables, the tests assert them in short.
+
+pub mod bound;
+pub mod outliers;
+pub mod random;
+pub mod sets;
+pub mod statistics;
+pub mod table;
