@@ -7,8 +7,8 @@ use gangway_wire::{self as wire, Marker, PoseFlags, Record};
 use crate::Settings;
 use crate::rest::Found;
 
-/// A planar set whose second solution's residual is below this many times the first's could be either.
-const AMBIGUOUS_RATIO: f64 = 2.0;
+/// Below this evidence a second pose could be the right one (odds of e^12.5, one error in 270,000).
+const DECISIVE: f64 = 25.0;
 
 /// The motion of a solution against rest, and what is to be said about it.
 pub(crate) fn motion(
@@ -25,7 +25,7 @@ pub(crate) fn motion(
         Err(PoseError::TooFew { .. }) => return (None, flags | PoseFlags::FEW_MARKERS),
         Err(_) => return (None, flags | PoseFlags::NO_SOLUTION),
     };
-    if solution.alternative.as_ref().is_some_and(|second| second.ratio < AMBIGUOUS_RATIO) {
+    if solution.alternative.as_ref().is_some_and(|second| second.evidence < DECISIVE) {
         flags |= PoseFlags::AMBIGUOUS;
     }
     let Some(rest) = rest else { return (None, flags) };

@@ -1,66 +1,98 @@
 //! The second pose of a planar set (Schweighofer and Pinz 2006): its tilt mirrored on the line of sight looks
 //! nearly the same from afar.
 
-use nalgebra::{Matrix3, Vector3};
+use heapless::Vec;
+use nalgebra::{Matrix3, Matrix6, Vector3};
 
-use crate::Solution;
 use crate::geometry::{Pose, rotation_vector};
-use crate::problem::Problem;
+use crate::linear::Basis;
+use crate::problem::{Problem, Row};
 use crate::refine::{Fit, refine};
-use crate::robust::Consensus;
+use crate::robust::{Consensus, freedom};
+use crate::{MAX_CIRCLES, Solution, scatter};
 
 /// Rotations that differ by less than this (radians) are the same pose.
 const SAME_ROTATION: f64 = 1e-3;
-/// From a prior, the pose near to it is kept unless the other one's weighted sum of squares is smaller by this
-/// factor and by this difference: noise alone does not turn the plane over.
-const KEEP_FACTOR: f64 = 2.0;
-const KEEP_DIFFERENCE: f64 = 30.0;
+/// Evidence that settles which of two poses is right: odds of e^12.5, one error in 270,000.
+pub(crate) const DECISIVE: f64 = 25.0;
 
 /// The other pose that a planar set allows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alternative {
     /// The other pose.
     pub pose: Pose,
+    /// Its covariance, as [`Solution::covariance`].
+    pub covariance: Matrix6<f64>,
+    /// Its residual, as [`Solution::residual_px`].
+    pub residual_px: f64,
     /// Its residual over the solution's, both weighted by the covariances: far above 1 means that the solution
     /// is the only one, near 1 that the picture cannot tell (infinite for a perfect fit).
     pub ratio: f64,
+    /// Twice the logarithm of the odds that this one picture gives for the solution and against this pose, where the
+    /// centres may scatter more than their covariances say: from 25 on the picture has decided, at 0 it cannot tell,
+    /// below it would rather have the other one.
+    pub evidence: f64,
+}
+
+/// Evidence for a pose with the sum of squares `this` against one with `other`: the difference of -2 log L, each with
+/// the scatter (at least one) that suits it best. Without that freedom a picture whose centres are all off by more
+/// than they say would be sure of anything.
+fn evidence(this: f64, other: f64, freedom: f64) -> f64 {
+    let freedom = freedom.max(1.0);
+    let cost = |chi2: f64| if chi2 > freedom { freedom * (1.0 + libm::log(chi2 / freedom)) } else { chi2 };
+    cost(other) - cost(this)
 }
 
 /// Adds residual and second pose to a consensus. After a cold start the better of the two is taken; with a
-/// prior the one that follows from it, as long as the other is not clearly better.
+/// prior the one that follows from it, as long as the picture is not sure of the other one.
 pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -> Solution {
     let mut fit = found.fit;
-    let mut px2 = found.px2;
     let mut other = second(problem, found);
+    let freedom = freedom(found.used);
     if let Some(mirrored) = other.as_mut() {
-        let better = if from_prior {
-            fit.chi2 > KEEP_FACTOR * mirrored.chi2 + KEEP_DIFFERENCE
-        } else {
-            fit.chi2 > mirrored.chi2
-        };
-        if better {
+        let limit = if from_prior { DECISIVE } else { 0.0 };
+        if evidence(mirrored.chi2, fit.chi2, freedom) > limit {
             core::mem::swap(&mut fit, mirrored);
-            px2 = problem.masked(found.used).map(|(_, row)| problem.error(row, &fit.pose).px2).sum();
         }
     }
-    let alternative =
-        other.map(|o| Alternative { pose: o.pose, ratio: libm::sqrt(o.chi2 / fit.chi2.max(1e-300)) });
-    Solution {
-        pose: fit.pose,
-        covariance: fit.covariance,
-        residual_px: libm::sqrt(px2 / f64::from(found.used.count_ones())),
-        used: found.used,
-        alternative,
-    }
+    let circles = f64::from(found.used.count_ones());
+    let residual = |pose: &Pose| {
+        let px2: f64 = problem.masked(found.used).map(|(_, row)| problem.error(row, pose).px2).sum();
+        libm::sqrt(px2 / circles)
+    };
+    let residual_px =
+        if fit.pose == found.fit.pose { libm::sqrt(found.px2 / circles) } else { residual(&fit.pose) };
+    let alternative = other.map(|o| Alternative {
+        pose: o.pose,
+        covariance: o.covariance * scatter::excess(o.chi2, freedom),
+        residual_px: residual(&o.pose),
+        ratio: libm::sqrt(o.chi2 / fit.chi2.max(1e-300)),
+        evidence: evidence(fit.chi2, o.chi2, freedom),
+    });
+    let covariance = match scatter::excess(fit.chi2, freedom) {
+        1.0 => fit.covariance,
+        excess => fit.covariance * excess,
+    };
+    Solution { pose: fit.pose, covariance, residual_px, used: found.used, alternative }
 }
 
 /// The mirrored pose, refined, or what the search found beside; `None` where both starts lead to one pose.
 fn second(problem: &Problem, found: &Consensus) -> Option<Fit> {
-    if !problem.basis.is_planar() {
+    let basis = basis_of(problem, found.used)?;
+    if found.rival.is_some() || !basis.is_planar() {
         return found.rival;
     }
-    let fit = refine(problem, found.used, &mirrored(problem, &found.fit.pose)).ok()?;
+    let fit = refine(problem, found.used, &mirrored(&basis, &found.fit.pose)).ok()?;
     (!is_same(&fit.pose, &found.fit.pose)).then_some(fit)
+}
+
+/// The shape of the circles used: without those left out a set may be a plane.
+pub(crate) fn basis_of(problem: &Problem, used: u64) -> Option<Basis> {
+    if used == problem.all() {
+        return Some(problem.basis);
+    }
+    let rows: Vec<Row, MAX_CIRCLES> = problem.masked(used).map(|(_, row)| *row).collect();
+    Basis::of(&rows)
 }
 
 /// Whether two minima are one.
@@ -69,13 +101,13 @@ pub(crate) fn is_same(a: &Pose, b: &Pose) -> bool {
 }
 
 /// The plane mirrored on the plane across the line of sight through its centroid.
-fn mirrored(problem: &Problem, pose: &Pose) -> Pose {
-    let centroid = Vector3::from(problem.basis.centroid);
+pub(crate) fn mirrored(basis: &Basis, pose: &Pose) -> Pose {
+    let centroid = Vector3::from(basis.centroid);
     let seen = pose.transform(&centroid);
     let sight = seen / seen.norm();
     let mirror = Matrix3::identity() - sight * sight.transpose() * 2.0;
     // A mirrored plane is a turned plane: its normal takes the other sign.
-    let normal = Vector3::from(problem.basis.axes[2]);
+    let normal = Vector3::from(basis.axes[2]);
     let flip = Matrix3::identity() - normal * normal.transpose() * 2.0;
     let rotation = mirror * pose.rotation * flip;
     Pose { rotation, translation: seen - rotation * centroid }

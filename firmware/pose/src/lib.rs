@@ -1,7 +1,7 @@
 //! From circle centres to the pose of a carbody, with covariance.
 //!
 //! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
-//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` with
+//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` and `search` with
 //! `p3p` (what does not fit), `ambiguity` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
 //! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
@@ -28,6 +28,8 @@ mod problem;
 mod refine;
 mod rest;
 mod robust;
+mod scatter;
+mod search;
 mod settings;
 mod solve;
 

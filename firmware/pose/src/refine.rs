@@ -6,7 +6,7 @@ use nalgebra::Matrix6;
 use crate::PoseError;
 use crate::geometry::Pose;
 use crate::normal::Normal;
-use crate::problem::{Problem, camera_point};
+use crate::problem::{Problem, Row, camera_point};
 
 /// Evaluations after which it ends in any case.
 const MAX_EVALUATIONS: usize = 30;
@@ -74,26 +74,43 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
 /// The normal equations at a pose; `None` where a circle is out of the camera's sight.
 fn linearise(problem: &Problem, mask: u64, pose: &Pose) -> Option<Normal> {
     let mut normal = Normal::zero();
-    let t = &pose.translation;
     for (_, row) in problem.masked(mask) {
-        let [x, y, z] = camera_point(row, pose);
-        let l = problem.lens.linearise(x, y, z).ok()?;
-        // Turning moves the point by w x (R p): the derivative by w is (R p) x (derivative by the point).
-        let arm = [x - t.x, y - t.y, z - t.z];
-        let turned = |d: &[f64; 3]| {
-            [arm[1] * d[2] - arm[2] * d[1], arm[2] * d[0] - arm[0] * d[2], arm[0] * d[1] - arm[1] * d[0]]
-        };
-        let s = row.slope;
-        let dv = [l.dv[0] - s * l.du[0], l.dv[1] - s * l.du[1], l.dv[2] - s * l.du[2]];
-        let (tu, tv) = (turned(&l.du), turned(&dv));
-        let a = [l.du[0], l.du[1], l.du[2], tu[0], tu[1], tu[2]];
-        let b = [dv[0], dv[1], dv[2], tv[0], tv[1], tv[2]];
-        let eu = row.at[0] - l.at[0];
-        let ev = row.at[1] - l.at[1] - s * eu;
+        let Derivative { a, b, eu, ev } = derivative(problem, row, pose)?;
         let wa = a.map(|c| row.weight_u * c);
         let wb = b.map(|c| row.weight_v * c);
         normal.add([&a, &b], [&wa, &wb], [eu, ev]);
         normal.chi2 += row.weight_u * eu * eu + row.weight_v * ev * ev;
     }
     normal.chi2.is_finite().then_some(normal)
+}
+
+/// The two independent residuals of a row, weighted by `weight_u` and `weight_v`, and what they fall by (v, w).
+pub(crate) struct Derivative {
+    pub(crate) a: [f64; 6],
+    pub(crate) b: [f64; 6],
+    pub(crate) eu: f64,
+    pub(crate) ev: f64,
+}
+
+/// `None` where the circle is out of the camera's sight.
+#[inline(always)]
+pub(crate) fn derivative(problem: &Problem, row: &Row, pose: &Pose) -> Option<Derivative> {
+    let t = &pose.translation;
+    let [x, y, z] = camera_point(row, pose);
+    let l = problem.lens.linearise(x, y, z).ok()?;
+    // Turning moves the point by w x (R p): the derivative by w is (R p) x (derivative by the point).
+    let arm = [x - t.x, y - t.y, z - t.z];
+    let turned = |d: &[f64; 3]| {
+        [arm[1] * d[2] - arm[2] * d[1], arm[2] * d[0] - arm[0] * d[2], arm[0] * d[1] - arm[1] * d[0]]
+    };
+    let s = row.slope;
+    let dv = [l.dv[0] - s * l.du[0], l.dv[1] - s * l.du[1], l.dv[2] - s * l.du[2]];
+    let (tu, tv) = (turned(&l.du), turned(&dv));
+    let eu = row.at[0] - l.at[0];
+    Some(Derivative {
+        a: [l.du[0], l.du[1], l.du[2], tu[0], tu[1], tu[2]],
+        b: [dv[0], dv[1], dv[2], tv[0], tv[1], tv[2]],
+        eu,
+        ev: row.at[1] - l.at[1] - s * eu,
+    })
 }

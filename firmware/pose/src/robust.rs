@@ -1,24 +1,16 @@
-//! What to do with circles that do not fit: left out worst first while a clear majority stays, else a search over
-//! poses from three circles (Fischler and Bolles 1981, with the score of Geman and McClure), deterministic.
+//! What to do with circles that do not fit. What betrays a wrong one is not how far it is from the pose that it has
+//! pulled towards itself, but how much better the others agree without it (Cook and Weisberg 1982, case deletion): it
+//! is taken out by that, one by one. Where more than one is wrong they can hide each other; `search` then decides.
 
-use crate::PoseError;
-use crate::ambiguity::is_same;
+use nalgebra::Matrix6;
+
+use crate::ambiguity::{basis_of, mirrored};
 use crate::geometry::Pose;
-use crate::p3p::p3p;
-use crate::problem::{Problem, Rays};
-use crate::refine::{Fit, refine};
+use crate::linear::Basis;
+use crate::problem::Problem;
+use crate::refine::{Derivative, Fit, derivative, refine};
+use crate::scatter::is_significant;
 
-/// Triples that the search looks at where it cannot look at all of them. With 45 % wrong circles one triple in six
-/// is right.
-const TRIPLES: usize = 96;
-/// Sets up to this size are searched over all their triples (84 of nine).
-const EXHAUSTIVE: usize = 9;
-/// Hypotheses that are refined.
-const KEPT: usize = 6;
-/// A hypothesis from three circles is inexact far from them: an error of this many pixels counts half ...
-const SCORE_PX: f64 = 2.0;
-/// ... and circles within this are taken into the first refinement.
-const NEAR_PX: f64 = 10.0;
 /// Below this count each circle left out must be the only choice.
 const SMALL: usize = 10;
 /// A second choice of circles counts as a rival when its sum of squares is within this much of the best one's
@@ -36,28 +28,68 @@ pub(crate) struct Consensus {
     pub(crate) rival: Option<Fit>,
 }
 
-/// Takes out what is beyond the gate, the worst first, and refines again. `None` where too little would stay, or
-/// where others could have been taken out as well.
-pub(crate) fn trimmed(problem: &Problem, fit: Fit) -> Option<Consensus> {
-    let found = shrink(problem, problem.all(), fit)?;
-    let found = if found.used == problem.all() { found } else { readmitted(problem, found)? };
-    is_only_choice(problem, &found).then_some(found)
+impl Consensus {
+    /// Degrees of freedom that are left.
+    pub(crate) fn freedom(&self) -> f64 {
+        freedom(self.used)
+    }
+
+    /// The factor by which its residuals scatter more than the covariances say, at least one.
+    pub(crate) fn scale(&self) -> f64 {
+        (self.fit.chi2 / self.freedom().max(1.0)).max(1.0)
+    }
 }
 
-fn shrink(problem: &Problem, mut used: u64, mut fit: Fit) -> Option<Consensus> {
+pub(crate) fn freedom(used: u64) -> f64 {
+    (2 * used.count_ones()) as f64 - 6.0
+}
+
+/// Takes out what does not fit and refines again. `None` where too little would stay, where others could have been
+/// taken out as well, or where what stays is no clear majority.
+pub(crate) fn trimmed(problem: &Problem, fit: Fit) -> Option<Consensus> {
+    let found = shrink(problem, problem.all(), fit)?;
+    if found.used == problem.all() {
+        return Some(found);
+    }
+    let mut found = readmitted(problem, found)?;
+    if problem.rows.len() < SMALL
+        && let Some(other) = from_mirrored(problem, &found)
+        && other.used.count_ones() > found.used.count_ones()
+    {
+        found = other;
+    }
+    let agreed = problem.rows.len() < SMALL || !is_significant(found.fit.chi2, found.freedom());
+    (agreed && is_only_choice(problem, &found)).then_some(found)
+}
+
+/// What fits the mirrored pose: on the way the wrong circles may have turned a plane over, and a right one then does
+/// not fit.
+fn from_mirrored(problem: &Problem, found: &Consensus) -> Option<Consensus> {
+    let basis = basis_of(problem, found.used).filter(Basis::is_planar)?;
+    let fit = refine(problem, found.used, &mirrored(&basis, &found.fit.pose)).ok()?;
+    readmitted(problem, Consensus { fit, ..*found })
+}
+
+/// Takes circles out until all that stay are within the gate and none of them disturbs the others.
+pub(crate) fn shrink(problem: &Problem, mut used: u64, mut fit: Fit) -> Option<Consensus> {
     let least = least_used(problem);
     loop {
-        let mut worst: Option<(f64, usize)> = None;
         let mut px2 = 0.0;
-        for (i, row) in problem.masked(used) {
+        let mut beyond = false;
+        for (_, row) in problem.masked(used) {
             let error = problem.error(row, &fit.pose);
             px2 += error.px2;
-            if problem.is_beyond_gate(&error) && worst.is_none_or(|(most, _)| error.chi2 > most) {
-                worst = Some((error.chi2, i));
-            }
+            beyond |= problem.is_beyond_gate(&error);
         }
-        let Some((_, i)) = worst else { return Some(Consensus { fit, used, px2, rival: None }) };
-        used &= !(1 << i);
+        let suspect = if beyond || is_significant(fit.chi2, freedom(used)) {
+            suspect(problem, used, &fit).filter(|suspect| beyond || suspect.is_wrong)
+        } else {
+            None
+        };
+        let Some(suspect) = suspect else {
+            return (!beyond).then_some(Consensus { fit, used, px2, rival: None });
+        };
+        used &= !(1 << suspect.circle);
         if (used.count_ones() as usize) < least {
             return None;
         }
@@ -65,147 +97,125 @@ fn shrink(problem: &Problem, mut used: u64, mut fit: Fit) -> Option<Consensus> {
     }
 }
 
+/// The circle without which the others agree best.
+struct Suspect {
+    circle: usize,
+    /// Whether they then agree so much better that it must be wrong.
+    is_wrong: bool,
+}
+
+fn suspect(problem: &Problem, used: u64, fit: &Fit) -> Option<Suspect> {
+    let mut most: Option<(f64, usize, f64)> = None;
+    for (i, row) in problem.masked(used) {
+        let residual = derivative(problem, row, &fit.pose)?;
+        let (gain, px2) = deletion(&residual, [row.weight_u, row.weight_v], row.slope, &fit.covariance);
+        if most.is_none_or(|(largest, ..)| gain > largest) {
+            most = Some((gain, i, px2));
+        }
+    }
+    let (gain, circle, px2) = most?;
+    let crate::Settings { gate_sigmas, gate_px, .. } = *problem.settings;
+    // Two numbers less for the others, which are then measured by themselves.
+    let left = freedom(used) - 2.0;
+    let scale = if left > 0.0 { ((fit.chi2 - gain) / left).max(1.0) } else { f64::INFINITY };
+    let is_wrong = gain > gate_sigmas * gate_sigmas * scale && px2 > gate_px * gate_px;
+    Some(Suspect { circle, is_wrong })
+}
+
+/// By how much the sum of squares falls when a circle is left out, and how far the circle is then off, px^2; both by
+/// the linearised problem. With the residuals r and their share H = J C J^T W: `r^T W (I - H)^-1 r`.
+fn deletion(
+    Derivative { a, b, eu, ev }: &Derivative,
+    [weight_u, weight_v]: [f64; 2],
+    slope: f64,
+    covariance: &Matrix6<f64>,
+) -> (f64, f64) {
+    let (mut aa, mut ab, mut bb) = (0.0, 0.0, 0.0);
+    for i in 0..6 {
+        let (mut ca, mut cb) = (0.0, 0.0);
+        for k in 0..6 {
+            ca += covariance[(i, k)] * a[k];
+            cb += covariance[(i, k)] * b[k];
+        }
+        aa += a[i] * ca;
+        ab += a[i] * cb;
+        bb += b[i] * cb;
+    }
+    let (root_u, root_v) = (libm::sqrt(weight_u), libm::sqrt(weight_v));
+    let (haa, hab, hbb) = (1.0 - weight_u * aa, -root_u * root_v * ab, 1.0 - weight_v * bb);
+    let (ra, rb) = (root_u * eu, root_v * ev);
+    // A circle that alone holds a degree of freedom cannot be judged: rounding keeps its divisor off zero.
+    let determinant = (haa * hbb - hab * hab).max(1e-12);
+    let (da, db) = ((hbb * ra - hab * rb) / determinant, (haa * rb - hab * ra) / determinant);
+    let u = da / root_u;
+    let v = db / root_v + slope * u;
+    (ra * da + rb * db, u * u + v * v)
+}
+
 /// Fewest circles that may decide: two thirds of them, and of a small set all but one.
-fn least_used(problem: &Problem) -> usize {
+pub(crate) fn least_used(problem: &Problem) -> usize {
     let circles = problem.rows.len();
     usize::from(problem.settings.min_circles).max(4).max((2 * circles).div_ceil(3))
 }
 
 /// Whether leaving out one other circle instead would not do as well. Where nothing was left out, or the set is
 /// large, the majority decides.
-fn is_only_choice(problem: &Problem, found: &Consensus) -> bool {
+pub(crate) fn is_only_choice(problem: &Problem, found: &Consensus) -> bool {
     let all = problem.all();
     if found.used == all || problem.rows.len() >= SMALL {
         return true;
     }
-    let freedom = (2 * found.used.count_ones()) as f64 - 6.0;
-    let scale = (found.fit.chi2 / freedom.max(1.0)).max(1.0);
+    let scale = found.scale();
     (0..problem.rows.len()).all(|i| {
         let rival = all & !(1 << i);
         if rival == found.used {
             return true;
         }
         let Ok(fit) = refine(problem, rival, &found.fit.pose) else { return true };
-        let Some(other) = shrink(problem, rival, fit) else { return true };
-        other.used == found.used
-            || other.used.count_ones() < found.used.count_ones()
-            || other.fit.chi2 > found.fit.chi2 + RIVAL * scale
+        fit.chi2 > found.fit.chi2 + RIVAL * scale
     })
 }
 
-/// Searches for the pose that most circles agree on.
-pub(crate) fn search(problem: &Problem, rays: &Rays) -> Result<Consensus, PoseError> {
-    let mut kept: [Option<(f64, Pose)>; KEPT] = [None; KEPT];
-    for_each_triple(problem.rows.len(), |triple| {
-        let points = triple.map(|i| problem.rows[i].point);
-        let unit = triple.map(|i| {
-            let [x, y] = rays[i];
-            let norm = libm::sqrt(x * x + y * y + 1.0);
-            [x / norm, y / norm, 1.0 / norm]
-        });
-        for pose in p3p(&points, &unit) {
-            let score = problem
-                .rows
-                .iter()
-                .map(|row| 1.0 - SCORE_PX * SCORE_PX / (SCORE_PX * SCORE_PX + problem.error(row, &pose).px2))
-                .sum();
-            keep(&mut kept, score, pose);
-        }
-    });
-    let mut best: Option<Consensus> = None;
-    for (_, pose) in kept.iter().flatten() {
-        let Some(found) = grown(problem, pose) else { continue };
-        let better = best.as_ref().is_none_or(|b| {
-            let (many, more) = (b.used.count_ones(), found.used.count_ones());
-            more > many || (more == many && found.fit.chi2 < b.fit.chi2)
-        });
-        // Of two poses on the same circles the second is remembered.
-        let former = best.filter(|b| b.used == found.used && !is_same(&b.fit.pose, &found.fit.pose));
-        if better {
-            best = Some(Consensus { rival: former.map(|f| f.fit), ..found });
-        } else if let (Some(best), Some(_)) = (best.as_mut(), former)
-            && best.rival.is_none_or(|r| found.fit.chi2 < r.chi2)
-        {
-            best.rival = Some(found.fit);
-        }
-    }
-    best.filter(|found| is_only_choice(problem, found)).ok_or(PoseError::NoConsensus)
-}
-
-/// Refines a hypothesis on the circles near to it, then on all that are within the gate.
-fn grown(problem: &Problem, pose: &Pose) -> Option<Consensus> {
-    let mut near = 0_u64;
-    for (i, row) in problem.masked(problem.all()) {
-        if problem.error(row, pose).px2 < NEAR_PX * NEAR_PX {
-            near |= 1 << i;
-        }
-    }
-    if (near.count_ones() as usize) < least_used(problem) {
-        return None;
-    }
-    readmitted(problem, shrink(problem, near, refine(problem, near, pose).ok()?)?)
-}
-
 /// What fits the better pose comes back.
-fn readmitted(problem: &Problem, mut found: Consensus) -> Option<Consensus> {
+pub(crate) fn readmitted(problem: &Problem, mut found: Consensus) -> Option<Consensus> {
     for _ in 0..3 {
-        let mut used = 0_u64;
-        for (i, row) in problem.masked(problem.all()) {
-            if !problem.is_beyond_gate(&problem.error(row, &found.fit.pose)) {
-                used |= 1 << i;
-            }
-        }
+        let used = within_gate(problem, &found.fit.pose);
         if used == found.used {
             break;
         }
         let fit = refine(problem, used, &found.fit.pose).ok()?;
-        found = shrink(problem, used, fit)?;
-    }
-    Some(found)
-}
-
-/// Keeps the best scores, ascending; equal poses are kept once.
-fn keep(kept: &mut [Option<(f64, Pose)>; KEPT], score: f64, pose: Pose) {
-    let mut entry = Some((score, pose));
-    for slot in kept.iter_mut() {
-        match (&slot, &entry) {
-            (Some((kept_score, _)), Some((new_score, _))) if kept_score <= new_score => {}
-            _ => core::mem::swap(slot, &mut entry),
-        }
-        if entry.is_none() {
+        let next = shrink(problem, used, fit)?;
+        // What came back disturbed the others and is out again.
+        if next.used == found.used {
             break;
         }
+        found = next;
     }
+    Some(if problem.rows.len() < SMALL { with_each_back(problem, found) } else { found })
 }
 
-/// Calls for every triple of a small set, else for a fixed sequence of triples.
-fn for_each_triple(count: usize, mut call: impl FnMut([usize; 3])) {
-    if count <= EXHAUSTIVE {
-        for a in 0..count {
-            for b in a + 1..count {
-                for c in b + 1..count {
-                    call([a, b, c]);
-                }
-            }
+/// Few circles determine a pose so badly that one left out can seem wrong and not be: each is tried among the others.
+fn with_each_back(problem: &Problem, mut found: Consensus) -> Consensus {
+    for (i, _) in problem.masked(problem.all() & !found.used) {
+        let more = found.used | 1 << i;
+        let Ok(fit) = refine(problem, more, &found.fit.pose) else { continue };
+        if is_significant(fit.chi2, freedom(more)) && !is_significant(found.fit.chi2, found.freedom()) {
+            continue;
         }
-        return;
+        if let Some(next) = shrink(problem, more, fit).filter(|next| next.used == more) {
+            found = next;
+        }
     }
-    // Linear congruential generator (Numerical Recipes): the same triples in every frame and on every machine.
-    let mut state = 1_u32;
-    let mut draw = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as usize % count
-    };
-    for _ in 0..TRIPLES {
-        let a = draw();
-        let mut b = draw();
-        while b == a {
-            b = draw();
+    found
+}
+
+/// The circles that a pose shows within the gate.
+fn within_gate(problem: &Problem, pose: &Pose) -> u64 {
+    let mut used = 0_u64;
+    for (i, row) in problem.masked(problem.all()) {
+        if !problem.is_beyond_gate(&problem.error(row, pose)) {
+            used |= 1 << i;
         }
-        let mut c = draw();
-        while c == a || c == b {
-            c = draw();
-        }
-        call([a, b, c]);
     }
+    used
 }

@@ -1,6 +1,7 @@
 //! The front door: observations in, pose with covariance out. Warm from the last pose where there is one, else
 //! cold by the method of the settings; what does not fit is left out, and what does not hold is refused.
 
+use heapless::Vec;
 use nalgebra::Matrix6;
 
 use crate::ambiguity::{self, Alternative};
@@ -12,6 +13,7 @@ use crate::lens::Lens;
 use crate::problem::{MIN_CIRCLES, Problem, Rays};
 use crate::refine::refine;
 use crate::robust::{self, Consensus};
+use crate::search::{poses_of_triple, search};
 use crate::{Method, PoseError, Settings};
 
 /// Circles up to which `Method::Auto` takes DLT or homography (thesis 5.4.7).
@@ -23,7 +25,9 @@ pub struct Solution {
     /// The pose.
     pub pose: Pose,
     /// Covariance of (v, w), v in mm and w in radians, both along the camera's axes: the true pose is
-    /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances alone: `(J^T W J)^-1`.
+    /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances: `(J^T W J)^-1`, times
+    /// chi squared over its degrees of freedom where the circles scatter significantly more (one in a thousand by
+    /// chance) than those covariances say.
     pub covariance: Matrix6<f64>,
     /// Root mean square distance between measured and reprojected centre over the circles used, px.
     pub residual_px: f64,
@@ -44,7 +48,7 @@ pub fn solve(
 ) -> Result<Solution, PoseError> {
     let problem = Problem::new(observations, lens, settings)?;
     if let Some(prior) = prior.filter(|p| p.is_rigid())
-        && let Some(found) = from_start(&problem, &prior.orthonormalised())
+        && let Some(found) = from_prior(&problem, &prior.orthonormalised())
     {
         return Ok(ambiguity::solution(&problem, &found, true));
     }
@@ -52,45 +56,71 @@ pub fn solve(
     Ok(ambiguity::solution(&problem, &found, false))
 }
 
-/// Refines a start; what remains beyond the gate is taken out, the worst first.
+/// Refines a start; what does not fit is taken out.
 fn from_start(problem: &Problem, start: &Pose) -> Option<Consensus> {
     let fit = refine(problem, problem.all(), start).ok()?;
     robust::trimmed(problem, fit)
 }
 
+/// As [`from_start`]. Wrong circles may have pulled the pose over into another minimum before they were taken out: then
+/// the one that follows from the prior is taken and the other remembered.
+fn from_prior(problem: &Problem, prior: &Pose) -> Option<Consensus> {
+    let found = from_start(problem, prior)?;
+    if found.used == problem.all() {
+        return Some(found);
+    }
+    let Ok(fit) = refine(problem, found.used, prior) else { return Some(found) };
+    if ambiguity::is_same(&fit.pose, &found.fit.pose) {
+        return Some(found);
+    }
+    let px2 = problem.masked(found.used).map(|(_, row)| problem.error(row, &fit.pose).px2).sum();
+    Some(Consensus { fit, px2, rival: Some(found.fit), ..found })
+}
+
 fn cold(problem: &Problem) -> Result<Consensus, PoseError> {
     let rays = problem.rays()?;
-    match first_pose(problem, &rays) {
-        Ok(start) => {
-            if let Some(found) = from_start(problem, &start) {
-                return Ok(if has_minimal_ambiguity(problem) {
-                    better_of_search(problem, &rays, found)
-                } else {
-                    found
-                });
-            }
-        }
+    let found = match first_pose(problem, &rays) {
+        Ok(start) => from_start(problem, &start),
         // What the chosen method cannot do is said, not mended behind the user's back.
         Err(error @ (PoseError::NearlyOnePlane | PoseError::TooFew { .. })) => return Err(error),
-        Err(_) => {}
-    }
-    robust::search(problem, &rays)
+        Err(_) => None,
+    };
+    let found = match found {
+        Some(found) => found,
+        None => search(problem, &rays)?,
+    };
+    Ok(if has_minimal_ambiguity(problem, found.used) { with_rivals(problem, &rays, found) } else { found })
 }
 
 /// Four circles in space: three of them have up to four poses, and the fourth may tell them apart by little.
-fn has_minimal_ambiguity(problem: &Problem) -> bool {
-    problem.rows.len() == MIN_CIRCLES && !problem.basis.is_planar()
+fn has_minimal_ambiguity(problem: &Problem, used: u64) -> bool {
+    used.count_ones() as usize == MIN_CIRCLES
+        && !ambiguity::basis_of(problem, used).is_some_and(|basis| basis.is_planar())
 }
 
-/// The better of a consensus and what the search over all triples finds; the other one is remembered.
-fn better_of_search(problem: &Problem, rays: &Rays, found: Consensus) -> Consensus {
-    let Ok(mut best) = robust::search(problem, rays) else { return found };
-    if found.fit.chi2 < best.fit.chi2 {
-        let other =
-            if ambiguity::is_same(&found.fit.pose, &best.fit.pose) { best.rival } else { Some(best.fit) };
-        best = Consensus { rival: other, ..found };
-    } else if best.rival.is_none() && !ambiguity::is_same(&found.fit.pose, &best.fit.pose) {
-        best.rival = Some(found.fit);
+/// The best of all poses that three of four circles have; the second best is remembered.
+fn with_rivals(problem: &Problem, rays: &Rays, found: Consensus) -> Consensus {
+    let mut four = Vec::<usize, MIN_CIRCLES>::new();
+    for (i, _) in problem.masked(found.used) {
+        // Four, as many as there is room for.
+        let _ = four.push(i);
+    }
+    let mut best = found;
+    for left_out in 0..four.len() {
+        let mut three = four.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, i)| *i);
+        let (Some(a), Some(b), Some(c)) = (three.next(), three.next(), three.next()) else { continue };
+        for pose in poses_of_triple(problem, rays, [a, b, c]) {
+            let Ok(fit) = refine(problem, found.used, &pose) else { continue };
+            if ambiguity::is_same(&fit.pose, &best.fit.pose) {
+                continue;
+            }
+            if fit.chi2 < best.fit.chi2 {
+                let px2 = problem.masked(found.used).map(|(_, row)| problem.error(row, &fit.pose).px2).sum();
+                best = Consensus { fit, px2, rival: Some(best.fit), ..best };
+            } else if best.rival.is_none_or(|rival| fit.chi2 < rival.chi2) {
+                best.rival = Some(fit);
+            }
+        }
     }
     best
 }

@@ -1,7 +1,7 @@
 //! Grossly wrong circles: is the pose left within its stated uncertainty, and are they named?
 
 use gangway_pose::{Observation, Pose, Settings, solve};
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector2, Vector3};
 use rayon::prelude::*;
 
 use crate::random::Random;
@@ -48,6 +48,10 @@ pub struct Outcome {
     pub refused: u32,
     /// Given, and beyond the bound that one true covariance in 10,000 is beyond.
     pub beyond: u32,
+    /// Of these, told to be ambiguous.
+    pub marked: u32,
+    /// Of these and not marked, as good an explanation of the picture as the truth is.
+    pub undecidable: u32,
     /// Given with a wrong circle in it.
     pub taken: u32,
     /// Given without a right circle.
@@ -77,7 +81,14 @@ pub fn run(kind: Kind, circles: usize, wrong: Wrong, warm: bool, seed: u64, pose
             continue;
         };
         let squared = squared_error(&solution, &truth);
-        outcome.beyond += u32::from(squared > ONE_IN_10_000);
+        if squared > ONE_IN_10_000 {
+            let marked = solution.alternative.is_some_and(|other| other.evidence < 25.0);
+            let cost = |pose: &Pose, used| cost(&set, &observations, pose, used);
+            let undecidable = !marked && cost(&solution.pose, solution.used) <= cost(&truth, right) + 20.0;
+            outcome.beyond += 1;
+            outcome.marked += u32::from(marked);
+            outcome.undecidable += u32::from(undecidable);
+        }
         outcome.taken += u32::from(solution.used & !right != 0);
         outcome.spared += u32::from(right & !solution.used != 0);
         outcome.sum += squared.min(1e6);
@@ -85,8 +96,23 @@ pub fn run(kind: Kind, circles: usize, wrong: Wrong, warm: bool, seed: u64, pose
     outcome
 }
 
+/// What a choice of circles leaves unexplained: squared errors, and 36 (six standard deviations) for each left out.
+fn cost(set: &Set, observations: &[Observation], pose: &Pose, used: u64) -> f64 {
+    let centres = set.centres(pose);
+    let cost = |(i, (observation, at)): (usize, (&Observation, &[f64; 2]))| {
+        if used >> i & 1 == 0 {
+            return 36.0;
+        }
+        let [uu, uv, vv] = observation.centre.covariance;
+        let weight = Matrix2::new(uu, uv, uv, vv).try_inverse().expect("a covariance has an inverse");
+        let off = Vector2::new(observation.centre.at[0] - at[0], observation.centre.at[1] - at[1]);
+        off.dot(&(weight * off))
+    };
+    observations.iter().zip(&centres).enumerate().map(cost).sum()
+}
+
 /// A picture and the mask of its right circles. Standard deviations of 0.005 to 0.1 px.
-fn picture(set: &Set, truth: &Pose, wrong: Wrong, random: &mut Random) -> (Vec<Observation>, u64) {
+pub fn picture(set: &Set, truth: &Pose, wrong: Wrong, random: &mut Random) -> (Vec<Observation>, u64) {
     let circles = set.points.len();
     let count = most_wrong(circles);
     let mut order = random.choose(circles, circles);
@@ -168,6 +194,8 @@ pub fn table(seeds: u64) -> Table {
                         if warm { "warm" } else { "cold" }.to_owned(),
                         share(|o| o.refused),
                         share(|o| o.beyond),
+                        share(|o| o.marked),
+                        share(|o| o.undecidable),
                         share(|o| o.taken),
                         share(|o| o.spared),
                         format!("{:.2}", median(means)),
