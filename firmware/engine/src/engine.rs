@@ -1,7 +1,7 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Observation, Pose, PoseError, Solution, solve};
+use gangway_pose::{MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, solve};
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
@@ -73,6 +73,9 @@ pub struct Engine {
     rest: Option<Found>,
     spacings: Spacings,
     doubt: Doubt,
+    plane: PlaneHistory,
+    /// The last pose could be the other one of a plane.
+    ambiguous: bool,
     searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
     centres: wire::Centres,
@@ -100,6 +103,8 @@ impl Engine {
             rest: None,
             spacings: alias::spacings(&settings.circles),
             doubt: Doubt::default(),
+            plane: PlaneHistory::default(),
+            ambiguous: false,
             searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
             centres: wire::Centres::new(),
@@ -291,7 +296,8 @@ impl Engine {
     ) -> Result<Solution, PoseError> {
         let in_picture = windows::in_picture(&self.searches, self.settings.picture);
         let doubtful = self.doubt.arises(frame.number(), used(&solution), in_picture);
-        let found = if doubtful { self.best_neighbour(frame, solution, in_picture) } else { solution };
+        let mut found = if doubtful { self.best_neighbour(frame, solution, in_picture) } else { solution };
+        self.choose_side(frame.number(), &mut found);
         if alias::is_trusted(used(&found), in_picture) {
             self.doubt = Doubt::default();
         }
@@ -343,6 +349,17 @@ impl Engine {
         best
     }
 
+    /// Of a plane's two poses the one that follows from the frames before.
+    fn choose_side(&mut self, frame: u32, found: &mut Result<Solution, PoseError>) {
+        match found {
+            Ok(solution) => {
+                let expected = self.predictor.predict(frame);
+                self.ambiguous = self.plane.choose(solution, &expected);
+            }
+            Err(_) => self.plane.forget(),
+        }
+    }
+
     fn seen(&self) -> usize {
         rings(&self.outcomes, self.settings.circles.len()).count()
     }
@@ -371,6 +388,10 @@ impl Engine {
         let rest = self.rest.as_ref().map(|found| &found.pose);
         let (motion, trust) = report::motion(rest, solution, &self.settings);
         let mut flags = flags | trust;
+        let rest_is_ambiguous = self.rest.as_ref().is_some_and(|found| found.ambiguous);
+        if solution.is_ok() && (self.ambiguous || rest_is_ambiguous) {
+            flags |= PoseFlags::AMBIGUOUS;
+        }
         let used = solution.map_or(0, |solution| solution.used);
         if solution.is_ok() && used.count_ones() as usize != self.seen() {
             flags |= PoseFlags::OUTLIERS;

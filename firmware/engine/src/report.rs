@@ -7,9 +7,6 @@ use gangway_wire::{self as wire, Marker, PoseFlags, Record};
 use crate::Settings;
 use crate::rest::Found;
 
-/// Below this evidence a second pose could be the right one (odds of e^12.5, one error in 270,000).
-const DECISIVE: f64 = 25.0;
-
 /// The motion of a solution against rest, and what is to be said about it.
 pub(crate) fn motion(
     rest: Option<&RestPose>,
@@ -25,9 +22,6 @@ pub(crate) fn motion(
         Err(PoseError::TooFew { .. }) => return (None, flags | PoseFlags::FEW_MARKERS),
         Err(_) => return (None, flags | PoseFlags::NO_SOLUTION),
     };
-    if solution.alternative.as_ref().is_some_and(|second| second.evidence < DECISIVE) {
-        flags |= PoseFlags::AMBIGUOUS;
-    }
     let Some(rest) = rest else { return (None, flags) };
     let motion = relative_motion(rest, solution);
     let (displacement, rotation) = (motion.displacement_mm, motion.rotation_deg);
@@ -105,7 +99,13 @@ mod tests {
         covariance[(2, 2)] = 4.0;
         covariance[(5, 5)] = 1e-4;
         let pose = Pose { rotation: looking, translation: Vector3::new(1.0, 2.0, 1600.0) };
-        let found = Found { first_frame: 0, last_frame: 9, frames: 10, pose: RestPose { pose, covariance } };
+        let found = Found {
+            first_frame: 0,
+            last_frame: 9,
+            frames: 10,
+            ambiguous: false,
+            pose: RestPose { pose, covariance },
+        };
         let Record::Rest(record) = rest(&found) else { panic!("a rest record") };
         assert!((record.covariance[0] - 4.0).abs() < 1e-6, "x, mm^2: {:?}", record.covariance);
         let degrees = 0.01f64.to_degrees() as f32;

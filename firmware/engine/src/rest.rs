@@ -1,7 +1,7 @@
 //! Rest, by test and not by assumption: the interval in which no circle leaves its place, and the robust mean
 //! of its poses (thesis 3.4.3; 5.3.2 shows what a poor first frame does to every later one).
 
-use gangway_pose::{MAX_CIRCLES, RestPose, Solution, rest_mean};
+use gangway_pose::{MAX_CIRCLES, RestPose, Solution, rest_mean, untangle};
 use heapless::Vec;
 
 use crate::RestSettings;
@@ -57,6 +57,8 @@ pub(crate) struct Found {
     pub(crate) first_frame: u32,
     pub(crate) last_frame: u32,
     pub(crate) frames: u16,
+    /// The circles are in one plane, and all its frames together cannot tell which of two poses is right.
+    pub(crate) ambiguous: bool,
     pub(crate) pose: RestPose,
 }
 
@@ -91,14 +93,17 @@ impl RestFinder {
         if self.solutions.len() < self.frames() {
             return None;
         }
-        let found = self.at_rest().then(|| rest_mean(&self.solutions).ok()).flatten().map(|pose| Found {
-            first_frame: self.first_frame,
-            last_frame: frame,
-            frames: self.solutions.len() as u16,
-            pose,
-        });
+        let found = self.at_rest().then(|| self.mean(frame)).flatten();
         self.clear();
         found
+    }
+
+    /// The mean of the interval, all of its poses on one side of a plane.
+    fn mean(&mut self, last_frame: u32) -> Option<Found> {
+        let ambiguous = untangle(&mut self.solutions);
+        let pose = rest_mean(&self.solutions).ok()?;
+        let frames = self.solutions.len() as u16;
+        Some(Found { first_frame: self.first_frame, last_frame, frames, ambiguous, pose })
     }
 
     fn frames(&self) -> usize {

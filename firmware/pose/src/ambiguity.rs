@@ -14,7 +14,7 @@ use crate::{MAX_CIRCLES, Solution, scatter};
 /// Rotations that differ by less than this (radians) are the same pose.
 const SAME_ROTATION: f64 = 1e-3;
 /// Evidence that settles which of two poses is right: odds of e^12.5, one error in 270,000.
-pub(crate) const DECISIVE: f64 = 25.0;
+pub const DECISIVE: f64 = 25.0;
 
 /// The other pose that a planar set allows.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 //!
 //! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
 //! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` and `search` with
-//! `p3p` (what does not fit), `ambiguity` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
+//! `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
 //! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -18,6 +18,7 @@ mod eigen;
 mod epnp;
 mod error;
 mod geometry;
+mod history;
 mod homography;
 mod lens;
 mod linear;
@@ -33,10 +34,11 @@ mod search;
 mod settings;
 mod solve;
 
-pub use ambiguity::Alternative;
+pub use ambiguity::{Alternative, DECISIVE};
 pub use circle::{Projected, project_circle};
 pub use error::PoseError;
 pub use geometry::{Centre, Circle, Observation, Pose};
+pub use history::{PlaneHistory, untangle};
 pub use lens::{Lens, LensError};
 pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
 pub use rest::{MAX_REST_POSES, rest_mean};

@@ -15,7 +15,7 @@ pub(crate) fn excess(chi2: f64, freedom: f64) -> f64 {
 
 /// Whether a sum of squares with so many degrees of freedom is larger than chance makes it.
 pub(crate) fn is_significant(chi2: f64, freedom: f64) -> bool {
-    if !(freedom > 0.0) {
+    if freedom <= 0.0 {
         return false;
     }
     let spread = 2.0 / (9.0 * freedom);

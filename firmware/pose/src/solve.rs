@@ -38,6 +38,19 @@ pub struct Solution {
     pub alternative: Option<Alternative>,
 }
 
+impl Solution {
+    /// Takes the second pose for the first, where there is one.
+    pub(crate) fn swap(&mut self) {
+        if let Some(other) = &mut self.alternative {
+            core::mem::swap(&mut self.pose, &mut other.pose);
+            core::mem::swap(&mut self.covariance, &mut other.covariance);
+            core::mem::swap(&mut self.residual_px, &mut other.residual_px);
+            other.ratio = 1.0 / other.ratio;
+            other.evidence = -other.evidence;
+        }
+    }
+}
+
 /// The pose of `observations` (4 to 64). `prior` is the last pose, if there is one; a start from it that leads
 /// nowhere, or to a worse pose than a cold start would, costs time but never a wrong answer.
 pub fn solve(

@@ -3,6 +3,7 @@
 
 pub mod bound;
 pub mod outliers;
+pub mod plane;
 pub mod random;
 pub mod sets;
 pub mod statistics;

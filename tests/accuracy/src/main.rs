@@ -3,13 +3,17 @@
 use std::process::ExitCode;
 
 use accuracy::table::Table;
-use accuracy::{bound, outliers};
+use accuracy::{bound, outliers, plane};
 
 /// Seeds where none are asked for.
 const SEEDS: u64 = 20;
 
+/// Makes a table over so many seeds.
+type Maker = fn(u64) -> Table;
+
 /// Name and maker of each table.
-const TABLES: &[(&str, fn(u64) -> Table)] = &[("outliers", outliers::table), ("bound", bound::table)];
+const TABLES: &[(&str, Maker)] =
+    &[("outliers", outliers::table), ("bound", bound::table), ("plane", plane::table)];
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
