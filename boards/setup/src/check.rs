@@ -22,6 +22,7 @@ impl Document<'_> {
     /// Checks the parts that could be read; what has a mistake already is left in peace.
     pub(crate) fn check(&mut self, parts: &Parts) {
         self.check_lens(parts);
+        self.check_shutter(parts);
         self.check_limits(parts);
         for (i, target) in parts.targets.iter().enumerate() {
             self.check_name(&parts.targets, i);
@@ -66,6 +67,37 @@ impl Document<'_> {
                 format!(
                     "camera.distortion is not invertible at pixel [{u:.0}, {v:.0}]; it must be everywhere \
                      in the picture: check the order k1, k2, p1, p2, k3 and the signs"
+                ),
+            );
+        }
+    }
+
+    /// The rows of a frame are exposed, and each row's exposure is over, before the next frame's.
+    fn check_shutter(&mut self, parts: &Parts) {
+        let camera = &parts.camera;
+        if !self.is_clean("camera") {
+            return;
+        }
+        let frame_ms = 1000.0 / camera.rate_hz;
+        let rows_ms = 1e-3 * camera.line_time_us.abs() * f64::from(camera.height_px);
+        // A readout that fills the whole frame, to the rounding of the numbers in the file.
+        if rows_ms > 1.001 * frame_ms {
+            let (line_us, rows) = (camera.line_time_us, camera.height_px);
+            let most = 1e3 * frame_ms / f64::from(rows);
+            self.at_path(
+                "camera.line_time_us",
+                format!(
+                    "camera.line_time_us is {line_us}; {rows} rows then take {rows_ms:.1} ms, longer than a frame; \
+                     it must be at most {most:.2} us"
+                ),
+            );
+        }
+        if camera.exposure_ms > 1.001 * frame_ms {
+            let exposure_ms = camera.exposure_ms;
+            self.at_path(
+                "camera.exposure_ms",
+                format!(
+                    "camera.exposure_ms is {exposure_ms}, longer than a frame; it must be at most {frame_ms:.2} ms"
                 ),
             );
         }

@@ -23,7 +23,7 @@ use std::path::Path;
 
 use crate::document::Document;
 use gangway_engine::{MAX_SETUP_TEXT, Settings};
-use gangway_pose::{Circle, Lens};
+use gangway_pose::{Circle, Lens, Shutter};
 use sha2::{Digest as _, Sha256};
 
 pub use error::{Mistake, SetupError};
@@ -124,6 +124,7 @@ impl Setup {
             name: Default::default(),
             picture: (camera.width_px, camera.height_px),
             rate_hz: camera.rate_hz,
+            shutter: shutter(camera),
             lens: lens(camera),
             circles: Default::default(),
             seeds: Default::default(),
@@ -166,6 +167,14 @@ fn circles(number: usize, target: &Target) -> Vec<Circle> {
         target: number as u8,
     };
     geometry::points(target).into_iter().map(circle).collect()
+}
+
+fn shutter(camera: &Camera) -> Shutter {
+    Shutter {
+        line_time_s: 1e-6 * camera.line_time_us,
+        exposure_s: 1e-3 * camera.exposure_ms,
+        middle_row: 0.5 * (f64::from(camera.height_px) - 1.0),
+    }
 }
 
 fn lens(camera: &Camera) -> Lens {

@@ -32,6 +32,10 @@ pub struct Camera {
     pub height_px: u16,
     /// Frames a second, nominal.
     pub rate_hz: f64,
+    /// From the exposure of one row to that of the next, us; 0 for a global shutter.
+    pub line_time_us: f64,
+    /// Exposure of each row, ms; 0 where it is not known.
+    pub exposure_ms: f64,
     /// Focal lengths fx, fy, px.
     pub focal_px: [f64; 2],
     /// Principal point cx, cy, px; the centre of the top-left pixel is (0, 0).

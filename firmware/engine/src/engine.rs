@@ -1,7 +1,9 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, solve};
+use gangway_pose::{
+    MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, solve_in_motion,
+};
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
@@ -76,6 +78,9 @@ pub struct Engine {
     plane: PlaneHistory,
     /// The last pose could be the other one of a plane.
     ambiguous: bool,
+    /// The last poses by the time of their frames.
+    track: Track,
+    time_ns: u64,
     searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
     centres: wire::Centres,
@@ -105,6 +110,8 @@ impl Engine {
             doubt: Doubt::default(),
             plane: PlaneHistory::default(),
             ambiguous: false,
+            track: Track::default(),
+            time_ns: 0,
             searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
             centres: wire::Centres::new(),
@@ -248,6 +255,7 @@ impl Engine {
             }
         }
         self.last_frame = Some(frame.number());
+        self.time_ns = frame.time_ns();
         if (frame.width(), frame.height()) != self.settings.picture {
             self.recorder.event(outbox, What::FrameCorrupt);
             flags |= PoseFlags::CORRUPT;
@@ -281,7 +289,9 @@ impl Engine {
                 let _ = seen.push(i);
             }
         }
-        let mut solution = solve(&observations, &self.settings.lens, &self.settings.solver, Some(prior))?;
+        let Settings { lens, solver, shutter, .. } = &self.settings;
+        let mut solution =
+            solve_in_motion(&observations, lens, solver, prior, shutter, &self.track, self.time_ns)?;
         let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
         solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
         Ok(solution)
@@ -303,8 +313,10 @@ impl Engine {
         }
         if let Ok(pose) = found.map(|solution| solution.pose) {
             self.predictor.update(frame.number(), pose);
+            self.track.follow(frame.time_ns(), &pose);
             if used(&found) > used(&solution) {
                 self.predictor.hold();
+                self.track.forget();
             }
         }
         found

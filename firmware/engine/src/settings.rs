@@ -1,6 +1,6 @@
 //! Everything the frame loop is told before it starts, validated by whoever makes it (the setup file).
 
-use gangway_pose::{Circle, Lens, MAX_CIRCLES};
+use gangway_pose::{Circle, Lens, MAX_CIRCLES, Shutter};
 use heapless::{String, Vec};
 
 use crate::{MAX_NAME, MAX_SETUP_TEXT};
@@ -49,6 +49,8 @@ pub struct Settings {
     pub picture: (u16, u16),
     /// Frames a second, nominal.
     pub rate_hz: f64,
+    /// When the rows of a frame are exposed.
+    pub shutter: Shutter,
     /// The camera model.
     pub lens: Lens,
     /// The circles of all targets.

@@ -32,6 +32,7 @@ mod robust;
 mod scatter;
 mod search;
 mod settings;
+mod shutter;
 mod solve;
 
 pub use ambiguity::{Alternative, DECISIVE};
@@ -43,6 +44,7 @@ pub use lens::{Lens, LensError};
 pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
 pub use rest::{MAX_REST_POSES, rest_mean};
 pub use settings::{Method, Settings};
+pub use shutter::{Shutter, Track, solve_in_motion};
 pub use solve::{Solution, solve};
 
 /// Most circles that one setup may have, over all its targets.

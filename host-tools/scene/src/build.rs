@@ -23,6 +23,8 @@ pub(crate) struct Parts {
     pub(crate) size: [u32; 2],
     pub(crate) rate_hz: f64,
     pub(crate) exposure_s: f64,
+    /// From the exposure of one row to that of the next one below; the frame's time is the middle row's.
+    pub(crate) line_time_s: f64,
     pub(crate) camera: CameraNumbers,
     pub(crate) lens: Lens,
     pub(crate) rest: Pose,
@@ -101,6 +103,7 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
         size,
         rate_hz,
         exposure_s: exposure_ms / 1000.0,
+        line_time_s: 1e-6 * keys::LINE_TIME.take("camera", camera.line_time_us)?,
         lens: Lens::new(numbers.focal, numbers.principal, numbers.skew, numbers.distortion),
         camera: numbers,
         rest,

@@ -46,6 +46,7 @@ pub(crate) struct CameraTable {
     #[serde(default)]
     pub(crate) distortion: [f64; 5],
     pub(crate) exposure_ms: Option<f64>,
+    pub(crate) line_time_us: Option<f64>,
     pub(crate) position_mm: [f64; 3],
     pub(crate) roll_deg: Option<f64>,
     pub(crate) pitch_deg: Option<f64>,

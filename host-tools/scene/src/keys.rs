@@ -37,6 +37,7 @@ pub(crate) const PRINCIPAL: Number = required("principal_px", "px", -10_000.0, 1
 pub(crate) const SKEW: Number = optional("skew_px", "px", 0.0, -100.0, 100.0);
 pub(crate) const DISTORTION: Number = optional("distortion", "", 0.0, -10.0, 10.0);
 pub(crate) const EXPOSURE: Number = optional("exposure_ms", "ms", 0.0, 0.0, 10_000.0);
+pub(crate) const LINE_TIME: Number = optional("line_time_us", "us", 0.0, -200.0, 200.0);
 pub(crate) const POSITION: Number = required("position_mm", "mm", -100_000.0, 100_000.0);
 pub(crate) const CAMERA_ROLL: Number = optional("roll_deg", "degrees", 0.0, -180.0, 180.0);
 pub(crate) const CAMERA_PITCH: Number = optional("pitch_deg", "degrees", 0.0, -89.0, 89.0);

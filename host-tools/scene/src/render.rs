@@ -42,6 +42,7 @@ struct Shot<'a> {
     views: Vec<View<'a>>,
     occluders: Vec<OccluderView>,
     level: f64,
+    frame: u32,
 }
 
 impl<'a> Studio<'a> {
@@ -79,9 +80,20 @@ impl<'a> Studio<'a> {
         });
     }
 
+    /// What a global shutter sees: all rows at the frame's time.
     fn shoot(&self, frame: u32) -> Shot<'a> {
+        self.shoot_at(f64::from(frame) / self.parts.rate_hz, frame)
+    }
+
+    /// What a row of a rolling shutter sees, at its own time. The blur spreads rows as they are, each of its time: over
+    /// the few rows of its reach nothing moves that could be seen.
+    fn shoot_row(&self, frame: u32, row: i32) -> Shot<'a> {
+        let later = f64::from(row) - 0.5 * (f64::from(self.parts.size[1]) - 1.0);
+        self.shoot_at(f64::from(frame) / self.parts.rate_hz + later * self.parts.line_time_s, frame)
+    }
+
+    fn shoot_at(&self, middle: f64, frame: u32) -> Shot<'a> {
         let parts = self.parts;
-        let middle = f64::from(frame) / parts.rate_hz;
         let half = 0.5 * parts.exposure_s;
         let travel = self.travel_px(middle - half, middle, middle + half);
         let count = if travel < STILL_PX {
@@ -103,7 +115,7 @@ impl<'a> Studio<'a> {
         views.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         let occluders =
             parts.occluders.iter().map(|occluder| occluder.view(&moments, self.aperture)).collect();
-        Shot { views, occluders, level: parts.light.at(middle) }
+        Shot { views, occluders, level: parts.light.at(middle), frame }
     }
 
     /// How far anything moves in the picture over an exposure, px.
@@ -140,10 +152,12 @@ impl<'a> Studio<'a> {
             let on_canvas = (first + i) * canvas_width;
             line.copy_from_slice(&self.background[on_canvas..on_canvas + canvas_width]);
             let row = (first + i) as i32 + left;
-            for view in &shot.views {
+            let own = (parts.line_time_s != 0.0).then(|| self.shoot_row(shot.frame, row));
+            let seen = own.as_ref().unwrap_or(shot);
+            for view in &seen.views {
                 view.draw_row(row, left, &mut line, &parts.lens, &mut scratch);
             }
-            for occluder in &shot.occluders {
+            for occluder in &seen.occluders {
                 occluder.draw_row(row, left, &mut line);
             }
             blur_row(self.kernel, &line, blurred);

@@ -41,6 +41,12 @@ fn write_text(out: &mut String, name: &str, parts: &Parts, tables: &SetupTables)
     writeln!(out, "name = {}\n\n[camera]", quoted(name))?;
     writeln!(out, "width_px = {}\nheight_px = {}", parts.size[0], parts.size[1])?;
     writeln!(out, "rate_hz = {:?}", parts.rate_hz)?;
+    if parts.line_time_s != 0.0 {
+        writeln!(out, "line_time_us = {}", round(1e6 * parts.line_time_s))?;
+    }
+    if parts.exposure_s != 0.0 {
+        writeln!(out, "exposure_ms = {}", round(1e3 * parts.exposure_s))?;
+    }
     writeln!(out, "focal_px = {:?}\nprincipal_px = {:?}", camera.focal, camera.principal)?;
     writeln!(out, "skew_px = {:?}\ndistortion = {:?}", camera.skew, camera.distortion)?;
     for plate in &parts.plates {
@@ -67,6 +73,11 @@ fn write_text(out: &mut String, name: &str, parts: &Parts, tables: &SetupTables)
         }
     }
     Ok(())
+}
+
+/// A number as it was written in the scene, without the digits that its unit has cost.
+fn round(number: f64) -> f64 {
+    (number * 1e9).round() / 1e9
 }
 
 fn quoted(text: &str) -> String {

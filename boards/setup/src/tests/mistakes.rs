@@ -9,7 +9,7 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "outer_diameter_mm = 42.0",
             "outer_diameter_mm = -42",
-            "22: target[0].outer_diameter_mm is -42; it must be between 1 and 1000 mm",
+            "24: target[0].outer_diameter_mm is -42; it must be between 1 and 1000 mm",
         ),
         (
             "rate_hz = 50.0",
@@ -48,11 +48,11 @@ fn every_kind_of_mistake_has_its_sentence() {
         ),
         ("width_px = 1920", "widht_px = 1920", "9: camera.widht_px is not a setting; did you mean width_px?"),
         ("[camera]", "[kamera]", "8: kamera is not a setting; did you mean camera?"),
-        ("[rest]", "[rest]\ngate_px = 1.0", "109: rest.gate_px is not a setting; it belongs below [solver]"),
+        ("[rest]", "[rest]\ngate_px = 1.0", "111: rest.gate_px is not a setting; it belongs below [solver]"),
         (
             "[rest]",
             "[rest]\ncolour = 1",
-            "109: rest.colour is not a setting; known here: frames, excursion_px, drift_px",
+            "111: rest.colour is not a setting; known here: frames, excursion_px, drift_px",
         ),
         (
             "focal_px = [1468.0, 1467.2]",
@@ -67,7 +67,7 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "name = \"middle\"",
             "name = \"\"",
-            "20: target[0].name is \"\"; it must be a text of 1 to 32 bytes without control characters",
+            "22: target[0].name is \"\"; it must be a text of 1 to 32 bytes without control characters",
         ),
         (
             "name = \"ride\"",
@@ -83,96 +83,107 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "name = \"left\"",
             "name = \"middle\"",
-            "44: target[1].name is \"middle\", as target[0] is already; no two names may be alike",
+            "46: target[1].name is \"middle\", as target[0] is already; no two names may be alike",
         ),
         (
             "# carbody = 2",
             "carbody = 1",
-            "38: target[0].carbody is 1; targets on the camera's own carbody are not measured yet, it must be 2",
+            "40: target[0].carbody is 1; targets on the camera's own carbody are not measured yet, it must be 2",
         ),
         (
             "# kind = \"printed\"",
             "kind = \"led\"",
-            "39: target[0].kind is \"led\"; lit targets are not measured yet, it must be \"printed\"",
+            "41: target[0].kind is \"led\"; lit targets are not measured yet, it must be \"printed\"",
         ),
         (
             "# kind = \"printed\"",
             "kind = \"painted\"",
-            "39: target[0].kind is \"painted\"; it must be \"printed\" or \"led\"",
+            "41: target[0].kind is \"painted\"; it must be \"printed\" or \"led\"",
         ),
         (
             "u = [-0.34202, -0.93969, 0.0]",
             "u = [-0.34202, -0.9, 0.0]",
-            "70: target[2].u is 0.9628 long; it must be a unit vector, to within 0.001",
+            "72: target[2].u is 0.9628 long; it must be a unit vector, to within 0.001",
         ),
         (
             "# v = [0.0, 0.0, 1.0]",
             "v = [0.0, -0.6, 0.8]",
-            "41: target[0].u and v are not at right angles: u.v is 0.6000; it must be 0, to within 0.001",
+            "43: target[0].u and v are not at right angles: u.v is 0.6000; it must be 0, to within 0.001",
         ),
         (
             "inner_diameter_mm = 21.0",
             "inner_diameter_mm = 42",
-            "23: target[0].inner_diameter_mm is 42; it must be below outer_diameter_mm, 42 mm",
+            "25: target[0].inner_diameter_mm is 42; it must be below outer_diameter_mm, 42 mm",
         ),
         (
             "[0.0, 0.0],\n    [-60.0, -62.0],",
             "[0.0, 0.0],\n    [20.0, 21.0],",
-            "28: target[0].circles_mm[3] overlaps circles_mm[2]: their centres are 29.0 mm apart; it must be more \
+            "30: target[0].circles_mm[3] overlaps circles_mm[2]: their centres are 29.0 mm apart; it must be more \
              than outer_diameter_mm, 42 mm",
         ),
         (
             "    [926.7, 261.6],\n",
             "",
-            "31: target[0].seeds_px has 4 pairs for 5 circles; it must have one a circle, or be left out",
+            "33: target[0].seeds_px has 4 pairs for 5 circles; it must have one a circle, or be left out",
         ),
         (
             "[926.7, 261.6]",
             "[926.7, 1080.6]",
-            "32: target[0].seeds_px[0] is [926.7, 1080.6]; it must be within the picture of 1920 x 1080 px",
+            "34: target[0].seeds_px[0] is [926.7, 1080.6]; it must be within the picture of 1920 x 1080 px",
         ),
         (
             "[926.7, 261.6]",
             "[926.7]",
-            "32: target[0].seeds_px[0] is [926.7]; it must be a pair of numbers [u, v]",
+            "34: target[0].seeds_px[0] is [926.7]; it must be a pair of numbers [u, v]",
         ),
         (
             "[926.7, 261.6]",
             "[926.7, true]",
-            "32: target[0].seeds_px[0][1] is true; it must be a number between -0.5 and 4095.5 px",
+            "34: target[0].seeds_px[0][1] is true; it must be a number between -0.5 and 4095.5 px",
         ),
         (
             "# window_diameters = 2.5",
             "window_diameters = 12",
-            "94: tracker.window_diameters is 12; it must be between 2 and 3 diameters",
+            "96: tracker.window_diameters is 12; it must be between 2 and 3 diameters",
         ),
-        ("# median = true", "median = 1", "95: tracker.median is 1; it must be true or false"),
+        ("# median = true", "median = 1", "97: tracker.median is 1; it must be true or false"),
         (
             "# method = \"auto\"",
             "method = \"p3p\"",
-            "103: solver.method is \"p3p\"; it must be \"auto\" or \"dlt\" or \"epnp\"",
+            "105: solver.method is \"p3p\"; it must be \"auto\" or \"dlt\" or \"epnp\"",
         ),
         (
             "# min_circles = 4",
             "min_circles = 20",
-            "104: solver.min_circles is 20; it must be 19 at most, as there are no more circles",
+            "106: solver.min_circles is 20; it must be 19 at most, as there are no more circles",
         ),
         (
             "# x_mm = [-70.0, 60.0]",
             "x_mm = [60.0, -70.0]",
-            "114: limits.x_mm is [60.0, -70.0]; it must be [least, greatest], two numbers between -5000 and 5000 mm, \
+            "116: limits.x_mm is [60.0, -70.0]; it must be [least, greatest], two numbers between -5000 and 5000 mm, \
              the least below the greatest",
         ),
         (
             "# x_mm = [-70.0, 60.0]",
             "x_mm = [10.0, 60.0]",
-            "114: limits.x_mm goes from 10 to 60 mm; 0, the rest pose, must be within",
+            "116: limits.x_mm goes from 10 to 60 mm; 0, the rest pose, must be within",
         ),
         (
             "distortion = [-0.0684,",
             "distortion = [-2.0684,",
             "14: camera.distortion is not invertible at pixel [0, 0]; it must be everywhere in the picture: check \
              the order k1, k2, p1, p2, k3 and the signs",
+        ),
+        (
+            "# line_time_us = 0.0",
+            "line_time_us = 30",
+            "16: camera.line_time_us is 30; 1080 rows then take 32.4 ms, longer than a frame; it must be at most \
+             18.52 us",
+        ),
+        (
+            "# exposure_ms = 0.0",
+            "exposure_ms = 25",
+            "17: camera.exposure_ms is 25, longer than a frame; it must be at most 20.00 ms",
         ),
         ("rate_hz = 50.0", "rate_hz = fifty", "11: this is not TOML at fifty: "),
         ("name = \"ride\"", "name = \"ride", "6: this is not TOML: "),
@@ -200,7 +211,7 @@ fn all_mistakes_of_a_file_are_told_at_once() {
     let lines: Vec<&str> = said.lines().map(|line| line.split(' ').next().unwrap()).collect();
     assert_eq!(
         lines,
-        ["ride.toml:11:", "ride.toml:23:", "ride.toml:47:", "ride.toml:73:", "ride.toml:109:"],
+        ["ride.toml:11:", "ride.toml:25:", "ride.toml:49:", "ride.toml:75:", "ride.toml:111:"],
         "{said}"
     );
 }

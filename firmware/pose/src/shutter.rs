@@ -1,0 +1,202 @@
+//! Rows that are exposed one after the other, and motion while they are: each circle is taken at its own row's time. The
+//! motion about the frame's time is the quadratic one through this frame's pose and the last two (thesis 4.1.1 asks for
+//! a global shutter; Meingast, Geyer and Sastry 2005 for the geometry of the other kind).
+
+use heapless::Vec;
+use nalgebra::Vector6;
+
+use crate::geometry::{Pose, rotation_vector};
+use crate::lens::Lens;
+use crate::{MAX_CIRCLES, Observation, PoseError, Settings, Solution, solve};
+
+/// Solutions after which it ends in any case; each takes off all but some 10 % of what the one before left.
+const PASSES: usize = 5;
+/// A change below this share of a standard deviation is the last.
+const LAST_CHANGE: f64 = 0.01;
+/// Poses further back than this say nothing of the motion now, s.
+const OLDEST_S: f64 = 0.25;
+
+/// When the rows of a frame are exposed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shutter {
+    /// From the exposure of one row to that of the next one below, s; 0 for a global shutter, below 0 where the
+    /// lowest row comes first.
+    pub line_time_s: f64,
+    /// Duration of each row's exposure, s; 0 where it is not known.
+    pub exposure_s: f64,
+    /// The row whose mid-exposure is the frame's time: the middle of the picture.
+    pub middle_row: f64,
+}
+
+impl Shutter {
+    /// All rows at once, for no time at all.
+    pub const INSTANT: Self = Self { line_time_s: 0.0, exposure_s: 0.0, middle_row: 0.0 };
+}
+
+/// The last two poses with the times of their frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Track {
+    /// Latest first; ns.
+    past: [Option<(u64, Pose)>; 2],
+}
+
+/// The motion about a pose, (v, w) as [`Solution::covariance`]: per second, and per second squared.
+struct Rates {
+    velocity: Vector6<f64>,
+    acceleration: Vector6<f64>,
+}
+
+impl Track {
+    /// Takes the pose of a frame.
+    pub fn follow(&mut self, time_ns: u64, pose: &Pose) {
+        self.past = [Some((time_ns, *pose)), self.past[0]];
+    }
+
+    /// Forgets all poses: what comes next does not follow from them.
+    pub fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The motion about `pose` at a time after those of the track; none where nothing is known of it.
+    fn rates(&self, time_ns: u64, pose: &Pose) -> Option<Rates> {
+        let back = |past: Option<(u64, Pose)>| {
+            let (before_ns, before) = past?;
+            let seconds = time_ns.checked_sub(before_ns)? as f64 * 1e-9;
+            let v = before.translation - pose.translation;
+            let w = rotation_vector(&(before.rotation * pose.rotation.transpose()));
+            let slope = Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z) / -seconds;
+            (seconds > 0.0 && seconds < OLDEST_S).then_some((seconds, slope))
+        };
+        let (first_s, first) = back(self.past[0])?;
+        // d(-h) = -v h + a h^2 / 2 for both: the slopes are v - a h / 2.
+        let acceleration = match back(self.past[1]) {
+            Some((second_s, second)) if second_s > first_s => (first - second) * (2.0 / (second_s - first_s)),
+            _ => Vector6::zeros(),
+        };
+        Some(Rates { velocity: first + acceleration * (0.5 * first_s), acceleration })
+    }
+}
+
+impl Rates {
+    /// The pose so many seconds later.
+    fn pose_at(&self, pose: &Pose, seconds: f64) -> Pose {
+        moved_by(pose, &(self.velocity * seconds + self.acceleration * (0.5 * seconds * seconds)))
+    }
+}
+
+fn moved_by(pose: &Pose, d: &Vector6<f64>) -> Pose {
+    pose.perturbed([d[0], d[1], d[2]], [d[3], d[4], d[5]])
+}
+
+/// As [`solve`], for a frame whose rows were exposed as `shutter` says, after the poses of `track`: the pose at the
+/// mid-exposure of the middle row. `prior` is the pose expected then.
+///
+/// What the covariance does not know is the noise of the two poses before, by which the correction is off: with a
+/// readout of half a frame's time it adds a tenth of the standard deviation.
+pub fn solve_in_motion(
+    observations: &[Observation],
+    lens: &Lens,
+    settings: &Settings,
+    prior: &Pose,
+    shutter: &Shutter,
+    track: &Track,
+    time_ns: u64,
+) -> Result<Solution, PoseError> {
+    let mut solution = if shutter.line_time_s == 0.0 {
+        solve(observations, lens, settings, Some(prior))?
+    } else {
+        row_by_row(observations, lens, settings, prior, shutter, track, time_ns)?
+    };
+    // Over an exposure a point is on average a T^2 / 24 from where it is in the middle.
+    if shutter.exposure_s > 0.0
+        && let Some(rates) = track.rates(time_ns, &solution.pose)
+    {
+        let smear = rates.acceleration * (-shutter.exposure_s * shutter.exposure_s / 24.0);
+        solution.pose = moved_by(&solution.pose, &smear);
+        if let Some(other) = &mut solution.alternative {
+            other.pose = moved_by(&other.pose, &smear);
+        }
+    }
+    Ok(solution)
+}
+
+/// Solves, takes the motion from the pose that comes out, and solves again, until that changes nothing.
+fn row_by_row(
+    observations: &[Observation],
+    lens: &Lens,
+    settings: &Settings,
+    prior: &Pose,
+    shutter: &Shutter,
+    track: &Track,
+    time_ns: u64,
+) -> Result<Solution, PoseError> {
+    let mut solution = None;
+    let mut pose = *prior;
+    for _ in 0..PASSES {
+        let Some(rates) = track.rates(time_ns, &pose) else { break };
+        let corrected: Vec<Observation, MAX_CIRCLES> =
+            observations.iter().map(|seen| at_frame_time(seen, lens, shutter, &pose, &rates)).collect();
+        let found = solve(&corrected, lens, settings, Some(&pose))?;
+        let change = found.pose.translation - pose.translation;
+        let settled =
+            (0..3).all(|i| change[i] * change[i] < LAST_CHANGE * LAST_CHANGE * found.covariance[(i, i)]);
+        pose = found.pose;
+        solution = Some(found);
+        if settled {
+            break;
+        }
+    }
+    solution.map_or_else(|| solve(observations, lens, settings, Some(prior)), Ok)
+}
+
+/// Where a circle would have been seen at the frame's time.
+fn at_frame_time(
+    seen: &Observation,
+    lens: &Lens,
+    shutter: &Shutter,
+    pose: &Pose,
+    rates: &Rates,
+) -> Observation {
+    let later_s = (seen.centre.at[1] - shutter.middle_row) * shutter.line_time_s;
+    let then = rates.pose_at(pose, later_s);
+    let mut corrected = *seen;
+    // A circle that no pose shows stays where it is, and the solver says what is wrong with it.
+    if let (Ok(now), Ok(then)) =
+        (lens.project(&pose.transform(&seen.point)), lens.project(&then.transform(&seen.point)))
+    {
+        corrected.centre.at = [0, 1].map(|i| seen.centre.at[i] - (then[i] - now[i]));
+    }
+    corrected
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    fn at(x: f64) -> Pose {
+        Pose { rotation: Matrix3::identity(), translation: Vector3::new(x, 0.0, 1500.0) }
+    }
+
+    #[test]
+    fn an_even_acceleration_is_found_from_three_poses_at_uneven_times() {
+        let x = |t: f64| 5.0 + 300.0 * t - 0.5 * 4000.0 * t * t;
+        let mut track = Track::default();
+        track.follow(1_000_000_000, &at(x(1.0)));
+        track.follow(1_030_000_000, &at(x(1.03)));
+        let rates = track.rates(1_050_000_000, &at(x(1.05))).expect("two poses before");
+        assert!((rates.velocity[0] - (300.0 - 4000.0 * 1.05)).abs() < 1e-6, "{}", rates.velocity);
+        assert!((rates.acceleration[0] + 4000.0).abs() < 1e-4, "{}", rates.acceleration);
+        assert!((rates.pose_at(&at(x(1.05)), 0.004).translation.x - x(1.054)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_is_known_of_the_motion_after_a_gap_or_from_a_clock_that_stands() {
+        let mut track = Track::default();
+        assert!(track.rates(0, &at(0.0)).is_none());
+        track.follow(1_000_000_000, &at(0.0));
+        assert!(track.rates(2_000_000_000, &at(0.0)).is_none(), "a second is too long");
+        assert!(track.rates(1_000_000_000, &at(0.0)).is_none(), "no time went by");
+        assert!(track.rates(900_000_000, &at(0.0)).is_none(), "time went back");
+    }
+}
