@@ -1,5 +1,5 @@
 //! Rows that are exposed one after the other, and motion while they are: each circle is taken at its own row's time. The
-//! motion about the frame's time is the quadratic one through this frame's pose and the last two (thesis 4.1.1 asks for
+//! motion about the frame's time is the cubic one through this frame's pose and the last three (thesis 4.1.1 asks for
 //! a global shutter; Meingast, Geyer and Sastry 2005 for the geometry of the other kind).
 
 use heapless::Vec;
@@ -33,23 +33,25 @@ impl Shutter {
     pub const INSTANT: Self = Self { line_time_s: 0.0, exposure_s: 0.0, middle_row: 0.0 };
 }
 
-/// The last two poses with the times of their frames.
+/// The last three poses with the times of their frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Track {
     /// Latest first; ns.
-    past: [Option<(u64, Pose)>; 2],
+    past: [Option<(u64, Pose)>; 3],
 }
 
-/// The motion about a pose, (v, w) as [`Solution::covariance`]: per second, and per second squared.
+/// The motion about a pose, (v, w) as [`Solution::covariance`]: coefficients of the seconds, their square and cube.
+#[derive(Default)]
 struct Rates {
-    velocity: Vector6<f64>,
-    acceleration: Vector6<f64>,
+    first: Vector6<f64>,
+    second: Vector6<f64>,
+    third: Vector6<f64>,
 }
 
 impl Track {
     /// Takes the pose of a frame.
     pub fn follow(&mut self, time_ns: u64, pose: &Pose) {
-        self.past = [Some((time_ns, *pose)), self.past[0]];
+        self.past = [Some((time_ns, *pose)), self.past[0], self.past[1]];
     }
 
     /// Forgets all poses: what comes next does not follow from them.
@@ -57,30 +59,52 @@ impl Track {
         *self = Self::default();
     }
 
-    /// The motion about `pose` at a time after those of the track; none where nothing is known of it.
-    fn rates(&self, time_ns: u64, pose: &Pose) -> Option<Rates> {
+    /// The motion about `pose` at a time after those of the track, by Newton's divided differences; none where nothing
+    /// is known of it. `variances` are those of each pose.
+    fn rates(&self, time_ns: u64, pose: &Pose, variances: &Vector6<f64>) -> Option<Rates> {
         let back = |past: Option<(u64, Pose)>| {
             let (before_ns, before) = past?;
-            let seconds = time_ns.checked_sub(before_ns)? as f64 * 1e-9;
+            let seconds = time_ns.checked_sub(before_ns)? as f64 * -1e-9;
             let v = before.translation - pose.translation;
             let w = rotation_vector(&(before.rotation * pose.rotation.transpose()));
-            let slope = Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z) / -seconds;
-            (seconds > 0.0 && seconds < OLDEST_S).then_some((seconds, slope))
+            let slope = Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z) / seconds;
+            (seconds < 0.0 && seconds > -OLDEST_S).then_some((seconds, slope))
         };
-        let (first_s, first) = back(self.past[0])?;
-        // d(-h) = -v h + a h^2 / 2 for both: the slopes are v - a h / 2.
-        let acceleration = match back(self.past[1]) {
-            Some((second_s, second)) if second_s > first_s => (first - second) * (2.0 / (second_s - first_s)),
-            _ => Vector6::zeros(),
+        let (x1, slope1) = back(self.past[0])?;
+        let Some((x2, slope2)) = back(self.past[1]).filter(|(x2, _)| *x2 < x1) else {
+            return Some(Rates { first: slope1, ..Rates::default() });
         };
-        Some(Rates { velocity: first + acceleration * (0.5 * first_s), acceleration })
+        let second = (slope2 - slope1) / (x2 - x1);
+        let third = match back(self.past[2]).filter(|(x3, _)| *x3 < x2) {
+            Some((x3, slope3)) => {
+                let third = ((slope3 - slope1) / (x3 - x1) - second) / (x3 - x2);
+                // The third difference of four poses has twenty times the variance of one. What is not above that is
+                // noise, which extrapolation would only make larger (Wiener's filter, each coordinate by itself).
+                let step = x3 / 3.0;
+                let difference = third * (6.0 * step * step * step);
+                Vector6::from_fn(|i, _| {
+                    let squared = difference[i] * difference[i];
+                    if squared > 20.0 * variances[i] {
+                        third[i] * (1.0 - 20.0 * variances[i] / squared)
+                    } else {
+                        0.0
+                    }
+                })
+            }
+            None => Vector6::zeros(),
+        };
+        Some(Rates {
+            first: slope1 - second * x1 + third * (x1 * x2),
+            second: second - third * (x1 + x2),
+            third,
+        })
     }
 }
 
 impl Rates {
     /// The pose so many seconds later.
     fn pose_at(&self, pose: &Pose, seconds: f64) -> Pose {
-        moved_by(pose, &(self.velocity * seconds + self.acceleration * (0.5 * seconds * seconds)))
+        moved_by(pose, &((self.third * seconds + self.second) * seconds + self.first).scale(seconds))
     }
 }
 
@@ -109,9 +133,9 @@ pub fn solve_in_motion(
     };
     // Over an exposure a point is on average a T^2 / 24 from where it is in the middle.
     if shutter.exposure_s > 0.0
-        && let Some(rates) = track.rates(time_ns, &solution.pose)
+        && let Some(rates) = track.rates(time_ns, &solution.pose, &solution.covariance.diagonal())
     {
-        let smear = rates.acceleration * (-shutter.exposure_s * shutter.exposure_s / 24.0);
+        let smear = rates.second * (-shutter.exposure_s * shutter.exposure_s / 12.0);
         solution.pose = moved_by(&solution.pose, &smear);
         if let Some(other) = &mut solution.alternative {
             other.pose = moved_by(&other.pose, &smear);
@@ -132,8 +156,10 @@ fn row_by_row(
 ) -> Result<Solution, PoseError> {
     let mut solution = None;
     let mut pose = *prior;
+    // Until there is a solution the track's cubic part is left out.
+    let mut variances = Vector6::repeat(f64::INFINITY);
     for _ in 0..PASSES {
-        let Some(rates) = track.rates(time_ns, &pose) else { break };
+        let Some(rates) = track.rates(time_ns, &pose, &variances) else { break };
         let corrected: Vec<Observation, MAX_CIRCLES> =
             observations.iter().map(|seen| at_frame_time(seen, lens, shutter, &pose, &rates)).collect();
         let found = solve(&corrected, lens, settings, Some(&pose))?;
@@ -141,6 +167,7 @@ fn row_by_row(
         let settled =
             (0..3).all(|i| change[i] * change[i] < LAST_CHANGE * LAST_CHANGE * found.covariance[(i, i)]);
         pose = found.pose;
+        variances = found.covariance.diagonal();
         solution = Some(found);
         if settled {
             break;
@@ -184,19 +211,35 @@ mod tests {
         let mut track = Track::default();
         track.follow(1_000_000_000, &at(x(1.0)));
         track.follow(1_030_000_000, &at(x(1.03)));
-        let rates = track.rates(1_050_000_000, &at(x(1.05))).expect("two poses before");
-        assert!((rates.velocity[0] - (300.0 - 4000.0 * 1.05)).abs() < 1e-6, "{}", rates.velocity);
-        assert!((rates.acceleration[0] + 4000.0).abs() < 1e-4, "{}", rates.acceleration);
+        let exact = Vector6::repeat(1e-12);
+        let rates = track.rates(1_050_000_000, &at(x(1.05)), &exact).expect("two poses before");
+        assert!((rates.first[0] - (300.0 - 4000.0 * 1.05)).abs() < 1e-6, "{}", rates.first);
+        assert!((rates.second[0] + 2000.0).abs() < 1e-4, "{}", rates.second);
         assert!((rates.pose_at(&at(x(1.05)), 0.004).translation.x - x(1.054)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_change_of_the_acceleration_counts_as_far_as_it_is_above_the_noise() {
+        let x = |t: f64| 1e5 * t * t * t;
+        let mut track = Track::default();
+        for frame in 0..3 {
+            track.follow(frame * 20_000_000, &at(x(0.02 * frame as f64)));
+        }
+        let rates =
+            |variance| track.rates(60_000_000, &at(x(0.06)), &Vector6::repeat(variance)).expect("a track");
+        assert!((rates(1e-12).pose_at(&at(x(0.06)), 0.005).translation.x - x(0.065)).abs() < 1e-6);
+        // The third difference is 4.8 mm: a standard deviation of 2 mm makes it noise.
+        assert_eq!(rates(4.0).third[0], 0.0);
+        assert!(rates(0.4).third[0] > 0.6e5 && rates(0.4).third[0] < 0.7e5, "{}", rates(0.4).third);
     }
 
     #[test]
     fn nothing_is_known_of_the_motion_after_a_gap_or_from_a_clock_that_stands() {
         let mut track = Track::default();
-        assert!(track.rates(0, &at(0.0)).is_none());
+        assert!(track.rates(0, &at(0.0), &Vector6::zeros()).is_none());
         track.follow(1_000_000_000, &at(0.0));
-        assert!(track.rates(2_000_000_000, &at(0.0)).is_none(), "a second is too long");
-        assert!(track.rates(1_000_000_000, &at(0.0)).is_none(), "no time went by");
-        assert!(track.rates(900_000_000, &at(0.0)).is_none(), "time went back");
+        assert!(track.rates(2_000_000_000, &at(0.0), &Vector6::zeros()).is_none(), "a second is too long");
+        assert!(track.rates(1_000_000_000, &at(0.0), &Vector6::zeros()).is_none(), "no time went by");
+        assert!(track.rates(900_000_000, &at(0.0), &Vector6::zeros()).is_none(), "time went back");
     }
 }

@@ -6,5 +6,6 @@ pub mod outliers;
 pub mod plane;
 pub mod random;
 pub mod sets;
+pub mod shutter;
 pub mod statistics;
 pub mod table;

@@ -92,6 +92,25 @@ impl Set {
         Self { lens: lens(), points, targets, rest }
     }
 
+    /// The thesis' test ride (5.5): one 5-CCC set back and two 7-CCC, at 1.65 m.
+    pub fn ride() -> Self {
+        let targets = [
+            (Vector3::new(420.0, 0.0, 560.0), 5),
+            (Vector3::new(0.0, 700.0, 60.0), 7),
+            (Vector3::new(160.0, -700.0, 20.0), 7),
+        ];
+        let points = targets.iter().enumerate().flat_map(|(target, (origin, circles))| {
+            let on_target = SEVEN.iter().take(*circles);
+            on_target.map(move |[u, v]| (target, origin + Vector3::new(0.0, -0.7 * u, 0.7 * v)))
+        });
+        let (targets, points) = points.unzip();
+        let rest = Pose {
+            rotation: looking_forward(-0.017, 0.053, -0.035),
+            translation: Vector3::new(61.0, 286.1, 1638.1),
+        };
+        Self { lens: lens(), points, targets, rest }
+    }
+
     /// A pose anywhere in the usual range of a ride.
     pub fn any_pose(&self, random: &mut Random) -> Pose {
         let mm = [50.0, 300.0, 200.0].map(|most| random.within(most));
