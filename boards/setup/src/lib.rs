@@ -171,8 +171,8 @@ fn circles(number: usize, target: &Target) -> Vec<Circle> {
 
 fn shutter(camera: &Camera) -> Shutter {
     Shutter {
-        line_time_s: 1e-6 * camera.line_time_us,
-        exposure_s: 1e-3 * camera.exposure_ms,
+        line_time_s: camera.line_time_us / 1e6,
+        exposure_s: camera.exposure_ms / 1e3,
         middle_row: 0.5 * (f64::from(camera.height_px) - 1.0),
     }
 }

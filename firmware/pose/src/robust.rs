@@ -17,6 +17,11 @@ const SMALL: usize = 10;
 /// (the 99 % point of six degrees of freedom, and more).
 const RIVAL: f64 = 20.0;
 
+/// With so few degrees of freedom left their scatter says little, and a gain must be this many times as large before a
+/// circle is wrong by it: one in a hundred by chance (the F distribution of 2 and 2).
+const FEW_LEFT: f64 = 2.0;
+const FEW_GATE: f64 = 200.0;
+
 /// A fit and the circles that it rests on, all of them within the gate.
 #[derive(Clone, Copy)]
 pub(crate) struct Consensus {
@@ -42,6 +47,21 @@ impl Consensus {
 
 pub(crate) fn freedom(used: u64) -> f64 {
     (2 * used.count_ones()) as f64 - 6.0
+}
+
+/// All circles, where none is beyond the gate: what is left where they do not agree as they should, but no choice of
+/// them does better.
+pub(crate) fn whole(problem: &Problem, fit: Fit) -> Option<Consensus> {
+    let used = problem.all();
+    let mut px2 = 0.0;
+    for (_, row) in problem.masked(used) {
+        let error = problem.error(row, &fit.pose);
+        px2 += error.px2;
+        if problem.is_beyond_gate(&error) {
+            return None;
+        }
+    }
+    Some(Consensus { fit, used, px2, rival: None })
 }
 
 /// Takes out what does not fit and refines again. `None` where too little would stay, where others could have been
@@ -118,7 +138,9 @@ fn suspect(problem: &Problem, used: u64, fit: &Fit) -> Option<Suspect> {
     // Two numbers less for the others, which are then measured by themselves.
     let left = freedom(used) - 2.0;
     let scale = if left > 0.0 { ((fit.chi2 - gain) / left).max(1.0) } else { f64::INFINITY };
-    let is_wrong = gain > gate_sigmas * gate_sigmas * scale && px2 > gate_px * gate_px;
+    let gate =
+        if left > FEW_LEFT { gate_sigmas * gate_sigmas } else { (gate_sigmas * gate_sigmas).max(FEW_GATE) };
+    let is_wrong = gain > gate * scale && px2 > gate_px * gate_px;
     Some(Suspect { circle, is_wrong })
 }
 

@@ -4,13 +4,14 @@
 /// Standard normal quantile beyond which a sum of squares is no chance: one in a thousand.
 const QUANTILE: f64 = 3.09;
 
-/// The factor by which the centres' variances are too small: `chi2 / freedom` where that is significantly above one,
-/// else one.
+/// The factor by which the centres' variances are too small: `chi2 / (freedom - 2)` where chi2 is significantly above
+/// its freedom, else one. The two less make up for the factor being itself an estimate: the mean of the F distribution
+/// of 6 and n is n / (n - 2), so that the normalised squared error is 6 in the mean.
 ///
 /// A covariance from the pixels' noise knows nothing of compression, calibration and printing. Where chance alone
 /// explains the residuals, nothing is scaled: true covariances stay true.
 pub(crate) fn excess(chi2: f64, freedom: f64) -> f64 {
-    if is_significant(chi2, freedom) { chi2 / freedom } else { 1.0 }
+    if is_significant(chi2, freedom) { chi2 / (freedom - 2.0).max(1.0) } else { 1.0 }
 }
 
 /// Whether a sum of squares with so many degrees of freedom is larger than chance makes it.
@@ -42,6 +43,6 @@ mod tests {
     fn nothing_is_scaled_without_redundancy_or_by_chance() {
         assert_eq!(excess(1e9, 0.0), 1.0);
         assert_eq!(excess(30.0, 24.0), 1.0);
-        assert_eq!(excess(96.0, 24.0), 4.0);
+        assert_eq!(excess(88.0, 24.0), 4.0);
     }
 }

@@ -16,6 +16,10 @@ const LAST_CHANGE: f64 = 0.01;
 /// Poses further back than this say nothing of the motion now, s.
 const OLDEST_S: f64 = 0.25;
 
+/// Third differences above this share of the second ones (and its square of the first ones) are a shock, which does not
+/// go on: a sine has at most the square of its phase's step from frame to frame, this much at 5.6 Hz and 50 frames/s.
+const SMOOTH: f64 = 0.5;
+
 /// When the rows of a frame are exposed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
@@ -71,33 +75,34 @@ impl Track {
             (seconds < 0.0 && seconds > -OLDEST_S).then_some((seconds, slope))
         };
         let (x1, slope1) = back(self.past[0])?;
-        let Some((x2, slope2)) = back(self.past[1]).filter(|(x2, _)| *x2 < x1) else {
-            return Some(Rates { first: slope1, ..Rates::default() });
+        let even = Rates { first: slope1, ..Rates::default() };
+        let (Some((x2, slope2)), Some((x3, slope3))) = (back(self.past[1]), back(self.past[2])) else {
+            return Some(even);
         };
+        if !(x2 < x1 && x3 < x2) {
+            return Some(even);
+        }
         let second = (slope2 - slope1) / (x2 - x1);
-        let third = match back(self.past[2]).filter(|(x3, _)| *x3 < x2) {
-            Some((x3, slope3)) => {
-                let third = ((slope3 - slope1) / (x3 - x1) - second) / (x3 - x2);
-                // The third difference of four poses has twenty times the variance of one. What is not above that is
-                // noise, which extrapolation would only make larger (Wiener's filter, each coordinate by itself).
-                let step = x3 / 3.0;
-                let difference = third * (6.0 * step * step * step);
-                Vector6::from_fn(|i, _| {
-                    let squared = difference[i] * difference[i];
-                    if squared > 20.0 * variances[i] {
-                        third[i] * (1.0 - 20.0 * variances[i] / squared)
-                    } else {
-                        0.0
-                    }
-                })
+        let third = ((slope3 - slope1) / (x3 - x1) - second) / (x3 - x2);
+        // Each coordinate by itself, by its differences from frame to frame.
+        let step = x3 / 3.0;
+        let mut rates = even;
+        for i in 0..6 {
+            let [d1, d2, d3] =
+                [step * slope1[i], 2.0 * step * step * second[i], 6.0 * step * step * step * third[i]]
+                    .map(|d| d * d);
+            // The third difference of four poses has twenty times the variance of one.
+            let noise = 20.0 * variances[i];
+            if d3 > 9.0 * noise && d3 > SMOOTH * (SMOOTH * d1 + d2) {
+                continue;
             }
-            None => Vector6::zeros(),
-        };
-        Some(Rates {
-            first: slope1 - second * x1 + third * (x1 * x2),
-            second: second - third * (x1 + x2),
-            third,
-        })
+            // What is not above the noise is noise, which extrapolation would only make larger (Wiener's filter).
+            let third = if d3 > noise { third[i] * (1.0 - noise / d3) } else { 0.0 };
+            rates.first[i] += third * (x1 * x2) - second[i] * x1;
+            rates.second[i] = second[i] - third * (x1 + x2);
+            rates.third[i] = third;
+        }
+        Some(rates)
     }
 }
 
@@ -206,21 +211,35 @@ mod tests {
     }
 
     #[test]
-    fn an_even_acceleration_is_found_from_three_poses_at_uneven_times() {
+    fn an_even_acceleration_is_found_from_four_poses_at_uneven_times() {
         let x = |t: f64| 5.0 + 300.0 * t - 0.5 * 4000.0 * t * t;
         let mut track = Track::default();
+        track.follow(980_000_000, &at(x(0.98)));
         track.follow(1_000_000_000, &at(x(1.0)));
         track.follow(1_030_000_000, &at(x(1.03)));
         let exact = Vector6::repeat(1e-12);
-        let rates = track.rates(1_050_000_000, &at(x(1.05)), &exact).expect("two poses before");
+        let rates = track.rates(1_050_000_000, &at(x(1.05)), &exact).expect("three poses before");
         assert!((rates.first[0] - (300.0 - 4000.0 * 1.05)).abs() < 1e-6, "{}", rates.first);
         assert!((rates.second[0] + 2000.0).abs() < 1e-4, "{}", rates.second);
         assert!((rates.pose_at(&at(x(1.05)), 0.004).translation.x - x(1.054)).abs() < 1e-6);
     }
 
     #[test]
+    fn a_shock_does_not_go_on() {
+        for places in [[0.0, 0.0, 0.0, 38.0], [0.0, 0.0, 38.0, 38.0], [0.0, 38.0, 38.0, 38.0]] {
+            let mut track = Track::default();
+            for (frame, x) in places.iter().take(3).enumerate() {
+                track.follow(20_000_000 * frame as u64, &at(*x));
+            }
+            let rates = track.rates(60_000_000, &at(places[3]), &Vector6::repeat(1e-4)).expect("a track");
+            assert_eq!(rates.second[0], 0.0);
+            assert!((rates.first[0] - (places[3] - places[2]) / 0.02).abs() < 1e-6);
+        }
+    }
+
+    #[test]
     fn a_change_of_the_acceleration_counts_as_far_as_it_is_above_the_noise() {
-        let x = |t: f64| 1e5 * t * t * t;
+        let x = |t: f64| 3000.0 * t + 1e5 * t * t * t;
         let mut track = Track::default();
         for frame in 0..3 {
             track.follow(frame * 20_000_000, &at(x(0.02 * frame as f64)));

@@ -26,7 +26,7 @@ pub struct Solution {
     pub pose: Pose,
     /// Covariance of (v, w), v in mm and w in radians, both along the camera's axes: the true pose is
     /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances: `(J^T W J)^-1`, times
-    /// chi squared over its degrees of freedom where the circles scatter significantly more (one in a thousand by
+    /// chi squared over its degrees of freedom (less two) where the circles scatter significantly more (one in a thousand by
     /// chance) than those covariances say.
     pub covariance: Matrix6<f64>,
     /// Root mean square distance between measured and reprojected centre over the circles used, px.
@@ -92,15 +92,24 @@ fn from_prior(problem: &Problem, prior: &Pose) -> Option<Consensus> {
 
 fn cold(problem: &Problem) -> Result<Consensus, PoseError> {
     let rays = problem.rays()?;
+    let mut whole = None;
     let found = match first_pose(problem, &rays) {
-        Ok(start) => from_start(problem, &start),
+        Ok(start) => {
+            let fit = refine(problem, problem.all(), &start).ok();
+            whole = fit.and_then(|fit| robust::whole(problem, fit));
+            fit.and_then(|fit| robust::trimmed(problem, fit))
+        }
         // What the chosen method cannot do is said, not mended behind the user's back.
         Err(error @ (PoseError::NearlyOnePlane | PoseError::TooFew { .. })) => return Err(error),
         Err(_) => None,
     };
     let found = match found {
         Some(found) => found,
-        None => search(problem, &rays)?,
+        None => match (search(problem, &rays), whole) {
+            (Ok(found), _) => found,
+            (Err(_), Some(whole)) => whole,
+            (Err(error), None) => return Err(error),
+        },
     };
     Ok(if has_minimal_ambiguity(problem, found.used) { with_rivals(problem, &rays, found) } else { found })
 }

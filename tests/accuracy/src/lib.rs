@@ -2,9 +2,11 @@
 //! over all of them. `cargo run --release -p accuracy` prints the tables, the tests assert them in short.
 
 pub mod bound;
+pub mod methods;
 pub mod outliers;
 pub mod plane;
 pub mod random;
+pub mod scatter;
 pub mod sets;
 pub mod shutter;
 pub mod statistics;

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use accuracy::table::Table;
-use accuracy::{bound, outliers, plane, shutter};
+use accuracy::{bound, methods, outliers, plane, scatter, shutter};
 
 /// Seeds where none are asked for.
 const SEEDS: u64 = 20;
@@ -12,8 +12,14 @@ const SEEDS: u64 = 20;
 type Maker = fn(u64) -> Table;
 
 /// Name and maker of each table.
-const TABLES: &[(&str, Maker)] =
-    &[("outliers", outliers::table), ("bound", bound::table), ("plane", plane::table), ("shutter", shutter::table)];
+const TABLES: &[(&str, Maker)] = &[
+    ("outliers", outliers::table),
+    ("bound", bound::table),
+    ("plane", plane::table),
+    ("shutter", shutter::table),
+    ("methods", methods::table),
+    ("scatter", scatter::table),
+];
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

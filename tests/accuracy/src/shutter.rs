@@ -64,7 +64,13 @@ pub fn run(line_time_us: f64, exposure_ms: f64, hz: f64, seed: u64, frames: usiz
         let settings = Settings { gate_px: 10.0, ..Settings::default() };
         let global = solve(&observations, &set.lens, &settings, Some(&expected(&priors[0])));
         let by_row = solve_in_motion(
-            &observations, &set.lens, &settings, &expected(&priors[1]), &shutter, &track, time_ns,
+            &observations,
+            &set.lens,
+            &settings,
+            &expected(&priors[1]),
+            &shutter,
+            &track,
+            time_ns,
         );
         for (i, solution) in [global, by_row].into_iter().enumerate() {
             let solution = solution.expect("nineteen circles give a pose");
@@ -123,7 +129,13 @@ pub fn table(seeds: u64) -> Table {
          of yaw, centres of 0.005 px. Root mean square of the position (x, y, z together) and of the rotation, as if the\n\
          shutter were global and taken row by row; medians over the seeds of 200 frames each.",
         &[
-            "line time us", "exposure ms", "sway Hz", "global mm", "by row mm", "global deg", "by row deg",
+            "line time us",
+            "exposure ms",
+            "sway Hz",
+            "global mm",
+            "by row mm",
+            "global deg",
+            "by row deg",
             "squared error (6)",
         ],
     );
