@@ -110,7 +110,7 @@ impl PoseFlags {
     pub const FEW_MARKERS: Self = Self(1 << 1);
     /// Enough circles, but the solver refused them (degenerate, no convergence).
     pub const NO_SOLUTION: Self = Self(1 << 2);
-    /// A planar set whose second solution fits nearly as well.
+    /// A planar set whose second solution could be the right one, of this frame or of the rest pose.
     pub const AMBIGUOUS: Self = Self(1 << 3);
     /// At least one circle was seen but left out of the pose.
     pub const OUTLIERS: Self = Self(1 << 4);

@@ -309,6 +309,55 @@ fn motion_during_the_exposure_blurs_along_the_motion_and_keeps_the_centre() {
 }
 
 #[test]
+fn each_row_of_a_rolling_shutter_shows_its_own_time() {
+    let shares = |camera: &str, frame: u32| {
+        let text = format!(
+            r#"
+            name = "rolling"
+            [camera]
+            width_px = 320
+            height_px = 201
+            focal_px = [800.0, 800.0]
+            principal_px = [160.3, 99.8]
+            position_mm = [-2000.0, 0.0, 0.0]
+            {camera}
+            [sensor]
+            blur_px = 0.0
+            [[target]]
+            name = "front"
+            origin_mm = [0.0, 0.0, 0.0]
+            outer_diameter_mm = 60.0
+            inner_diameter_mm = 30.0
+            circles_mm = [[-80.0, 60.0], [80.0, 60.0], [-80.0, -60.0], [80.0, -60.0]]
+            [motion]
+            rest_s = 0.0
+            [[motion.ramp]]
+            degree = "y"
+            size = 1000.0
+            start_s = 0.0
+            end_s = 1.0
+            "#
+        );
+        let mut shares = Vec::new();
+        Scene::parse(&text, "rolling.toml").unwrap().render_ideal(frame, &mut shares);
+        shares
+    };
+    // Frame 1 at 0.1 s; the rows at 200 us each are five to a frame of 1000 Hz.
+    let rolling = shares("rate_hz = 10.0\nline_time_us = 200.0", 1);
+    let row = |shares: &[f32], row: usize| shares[row * 320..(row + 1) * 320].to_vec();
+    for millisecond in [-16i32, -7, 0, 9, 18] {
+        let global = shares("rate_hz = 1000.0", (100 + millisecond) as u32);
+        let at = (100 + 5 * millisecond) as usize;
+        let (seen, expected) = (row(&rolling, at), row(&global, at));
+        let most = seen.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // The same but for the rounding of the row's time.
+        assert!(most < 1e-5, "row {at}: {most}");
+        let middle = row(&shares("rate_hz = 10.0", 1), at);
+        assert!(millisecond == 0 || seen != middle || expected == middle, "row {at} is not the frame's");
+    }
+}
+
+#[test]
 fn samples_of_more_than_eight_bits_keep_their_depth() {
     for (bits, greatest) in [(8, 255), (10, 1023), (12, 4095), (16, 65535)] {
         let scene = scene(&format!("bits = {bits}\nblack_level = 0.0"), "[light]\nlevel = 5.0");
