@@ -36,6 +36,16 @@ impl Bits {
         self.height
     }
 
+    /// All pixels of a row.
+    pub(crate) fn row_mask(&self) -> [u64; WORDS] {
+        row_mask(self.width)
+    }
+
+    /// The last pixel of a row.
+    pub(crate) fn last_pixel(&self) -> [u64; WORDS] {
+        last_pixel(self.width)
+    }
+
     pub(crate) fn rows(&self) -> &[Row] {
         self.rows.get(..self.height).unwrap_or_default()
     }

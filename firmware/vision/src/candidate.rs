@@ -3,7 +3,8 @@
 
 use core::f64::consts::PI;
 
-use crate::components::{Components, OUTSIDE, Part};
+use crate::bits::Bits;
+use crate::components::{Components, Part};
 use crate::{Refusal, Search, Settings};
 
 /// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels has
@@ -39,61 +40,50 @@ pub(crate) struct Miss {
 
 /// The candidate nearest to `predicted` (in the window), or why there is none.
 pub(crate) fn find(
-    components: &Components,
-    (width, height): (usize, usize),
+    components: &mut Components,
+    bits: &Bits,
     search: &Search,
     predicted: [f64; 2],
     settings: &Settings,
 ) -> Result<Candidate, Miss> {
+    let size = [bits.width(), bits.height()];
     let expected = PI * search.diameter_px() * search.diameter_px() / 4.0;
     let ratio = search.ratio * search.ratio;
+    let most = 1.0 + settings.ratio_tolerance;
     let mut best: Option<(f64, Candidate)> = None;
     let mut refusal = Refusal::NotFound;
-    for (bright_number, bright) in components.bright.parts() {
-        // Nothing that cannot fill a ring of the expected size is worth comparing.
-        let area = f64::from(bright.area);
-        if bright_number == OUTSIDE || area * ratio * (1.0 + settings.ratio_tolerance) < 0.5 * expected {
+    components.find(bits).map_err(|_| Miss { refusal, cut_at: None })?;
+    // Nothing that cannot fill a ring of the expected size is worth comparing. Clutter ends the search.
+    while let Ok(Some((hole, ring))) = components.next_ring(0.5 * expected / (ratio * most)) {
+        if !ring.encloses(&hole)
+            || ring.touches_edge(size)
+            || distance(ring.centroid_without(&hole), hole.centroid()) > settings.max_centroid_distance_px
+        {
             continue;
         }
-        for (dark_number, dark) in components.dark.parts() {
-            if !dark.encloses(bright)
-                || dark.touches_edge([width, height])
-                || distance(dark.centroid(), bright.centroid()) > settings.max_centroid_distance_px
-            {
-                continue;
-            }
-            // From here on there is something like a ring.
-            let filled = area + f64::from(dark.area);
-            let most = 1.0 + settings.ratio_tolerance;
-            let closed = filled / (area * ratio);
-            if (filled / expected - 1.0).abs() > settings.area_tolerance
-                || closed > most
-                || closed * most < 1.0
-            {
-                refusal = Refusal::Outline;
-                continue;
-            }
-            let share = area / filled;
-            let centre = mix(dark.centroid(), bright.centroid(), share);
-            let dark_sums = components.dark.second_moments(dark_number, dark, centre);
-            let bright_sums = components.bright.second_moments(bright_number, bright, centre);
-            let shape = core::array::from_fn(|i| (dark_sums[i] + bright_sums[i]) / filled);
-            if !is_ellipse(shape, filled, &search.shape) {
-                refusal = Refusal::Outline;
-                continue;
-            }
-            let candidate =
-                Candidate { centre, shape, outer: libm::sqrt(filled / PI), inner: libm::sqrt(area / PI) };
-            let off = distance(centre, predicted);
-            if best.is_none_or(|(least, _)| off < least) {
-                best = Some((off, candidate));
-            }
+        // From here on there is something like a ring.
+        let (filled, area) = (f64::from(ring.area), f64::from(hole.area));
+        let (centre, shape) = (ring.centroid(), ring.moments());
+        let closed = filled / (area * ratio);
+        if (filled / expected - 1.0).abs() > settings.area_tolerance
+            || closed > most
+            || closed * most < 1.0
+            || !is_ellipse(shape, filled, &search.shape)
+        {
+            refusal = Refusal::Outline;
+            continue;
+        }
+        let candidate =
+            Candidate { centre, shape, outer: libm::sqrt(filled / PI), inner: libm::sqrt(area / PI) };
+        let off = distance(centre, predicted);
+        if best.is_none_or(|(least, _)| off < least) {
+            best = Some((off, candidate));
         }
     }
     match best {
         Some((_, candidate)) => Ok(candidate),
         None => {
-            let cut_at = evidence(components, (width, height), search);
+            let cut_at = evidence(components, bits, search);
             if refusal == Refusal::NotFound && cut_at.is_some() {
                 refusal = Refusal::CutByWindow;
             }
@@ -120,26 +110,26 @@ fn is_ellipse(shape: [f64; 3], area: f64, predicted: &[f64; 3]) -> bool {
 }
 
 /// Centre of the ring of which the largest plausible piece touches the window's edge.
-fn evidence(components: &Components, (width, height): (usize, usize), search: &Search) -> Option<[f64; 2]> {
-    let size = [width, height];
+fn evidence(components: &mut Components, bits: &Bits, search: &Search) -> Option<[f64; 2]> {
+    let size = [bits.width(), bits.height()];
     // Half the predicted ellipse's extent along u and v.
     let half = [2.0 * libm::sqrt(search.shape[0].max(0.0)), 2.0 * libm::sqrt(search.shape[2].max(0.0))];
     let ring = PI * half[0] * half[1] * (1.0 - 1.0 / (search.ratio * search.ratio));
     let mut best: Option<(u32, [f64; 2])> = None;
-    for (_, part) in components.dark.parts() {
+    components.each_dark(bits, |part| {
         let cut = |i: usize| part.low[i] == 0 || part.high[i] as usize + 1 == size[i];
         let fits = |i: usize| {
             let extent = f64::from(part.high[i] - part.low[i]) + 1.0;
             extent < 2.0 * EVIDENCE_STRETCH * half[i] && extent > if cut(i) { 0.35 } else { 1.3 } * half[i]
         };
         if !(cut(0) || cut(1)) || !(fits(0) && fits(1)) || f64::from(part.area) > EVIDENCE_STRETCH * ring {
-            continue;
+            return;
         }
         let centre = core::array::from_fn(|i| centre_of_cut(part, i, size[i], half[i]));
         if best.is_none_or(|(area, _)| part.area > area) {
             best = Some((part.area, centre));
         }
-    }
+    });
     best.map(|(_, centre)| centre)
 }
 
@@ -156,9 +146,4 @@ fn centre_of_cut(part: &Part, i: usize, size: usize, half: f64) -> f64 {
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     let (u, v) = (a[0] - b[0], a[1] - b[1]);
     libm::sqrt(u * u + v * v)
-}
-
-/// `a` and `b` weighted 1 - share and share.
-fn mix(a: [f64; 2], b: [f64; 2], share: f64) -> [f64; 2] {
-    [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
 }

@@ -1,42 +1,53 @@
 //! The sub-pixel centre: a model ring with blurred edges fitted to the grey levels.
 //!
-//! Gauss-Newton on the squared residuals of all pixels, as the Cramer-Rao bound asks for it: a pixel counts by
-//! how much it changes when the ring moves. A first pass over half of the rows or fewer settles levels,
-//! slope, radii, blur and shape, a second over all rows the centre, its covariance and whether the ring is whole.
+//! Gauss-Newton on the squared residuals, as the Cramer-Rao bound asks for it: a pixel counts by how much it changes
+//! when the ring moves. The radial profile of some rows settles levels, radii and blur, and centre and slope roughly;
+//! all pixels near the edges and in the white around then give centre and slope of the light together. Levels, radii
+//! and blur are even about the centre and do not move it, so they need not be known as well.
+
+use core::f64::consts::TAU;
 
 use gangway_device::Frame;
 use gangway_pose::Centre;
 
 use crate::candidate::Candidate;
+use crate::edge::{FOURTH, SQUARE};
 use crate::lanes::Lanes;
+use crate::light::Light;
 use crate::loader::{Rect, full_scale};
-use crate::model::{ADJUSTED, HALF_WIDTH, JUDGED, Kernel, Model, PER_SQUARE, WIDTH_PER_SQUARE};
-use crate::patch::Patch;
+use crate::model::{Kernel, Model, SUMS};
+use crate::patch::{Belts, Patch};
+use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings};
 
-/// White that a ring needs around it, px: the layout of an A3 7-CCC at 5 m leaves 4.
-const MARGIN: f64 = 3.0;
+/// White that is looked at around a ring, px: the layout of an A3 7-CCC at 5 m leaves 4. Less is taken where less is
+/// white.
+const MARGIN: f64 = 4.0;
 
-/// Rows through a ring that the first passes take at the least, out of every second one.
-const ADJUSTED_ROWS: f64 = 12.0;
+/// A bin of the profile that is darker than the white by more than this share of the contrast is no longer white.
+const NO_LONGER_WHITE: f64 = 0.02;
 
-/// Largest share of saturated pixels in the white: above, its level is not known.
-const MAX_CLIPPED: f64 = 0.5;
+/// Rows through a ring that make its profile at the least, out of every second one.
+const PROFILE_ROWS: f64 = 12.0;
 
-/// Bounds of the blur's standard deviation, px. The pixel's own area gives 0.29; above the upper one the edge does
-/// not fit into the margin.
-const BLUR: (f64, f64) = (0.4, 1.04);
+/// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.
+const CLIPPED: f64 = 0.01;
+/// Black above this share of full scale under saturated white: too little of the edges is left.
+const MAX_BLACK: f64 = 0.5;
 
 /// Blur of a sharp lens, px, as a start.
 const FIRST_BLUR: f64 = 0.7;
 
-/// A pass with steps below these, px and shares of the blur and (from the centre to the edge) of the contrast, is the
-/// last over some of the rows: the next one's error is of their square or less.
-const SMALL_STEP_PX: f64 = 0.2;
-const SMALL_BLUR_STEP: f64 = 0.25;
-const SMALL_TILT: f64 = 0.05;
+/// Share of an edge's half width that is taken: beyond it a pixel counts less than a thirtieth of the steepest.
+const BELT: f64 = 0.85;
+/// What is taken beside that, px: so far the centre may still move.
+const SLACK_PX: f64 = 0.1;
 
-/// Largest step of the last pass, px: beyond it the passes did not converge.
+/// A step of the centre below this, px, is the last: what the profile's errors make of it is a twentieth or less.
+const SMALL_STEP_PX: f64 = 0.1;
+
+/// Most passes over all rows, and largest step of the last one, px: beyond it they did not converge.
+const PASSES: usize = 3;
 const LAST_STEP_PX: f64 = 0.1;
 
 /// Bounds of a whole ring on what [`Fit`] holds, beyond what noise makes likely: coding artefacts and motion within the
@@ -48,19 +59,79 @@ const MAX_RESIDUAL: f64 = 0.2;
 /// Standard deviations of noise that are let pass.
 const SIGMAS: f64 = 4.0;
 
-/// Most passes over some of the rows.
-const PASSES: usize = 4;
+/// Working memory of the fit.
+pub(crate) struct Workspace {
+    patch: Patch,
+    profile: Profile,
+}
+
+impl Workspace {
+    pub(crate) const fn new() -> Self {
+        Self { patch: Patch::new(), profile: Profile::new() }
+    }
+}
 
 /// Fits the ring that `candidate` (in the window at `window`) shows roughly, from the window's dark and bright level.
 pub(crate) fn measure(
     frame: &Frame,
-    patch: &mut Patch,
+    workspace: &mut Workspace,
+    window: Rect,
+    candidate: &Candidate,
+    levels: (f64, f64),
+    search: &Search,
+    settings: &Settings,
+) -> Result<(Ring, Light), Refusal> {
+    let (rect, mut model) = rough(frame, window, candidate, levels, search)?;
+    let full = f64::from(full_scale(frame));
+    let lean = start(frame, workspace, rect, &mut model, full)?;
+    let radial = model.radial;
+    if radial.contrast < settings.min_contrast * full {
+        return Err(Refusal::LowContrast);
+    }
+
+    let width = BELT * radial.half_width() + SLACK_PX;
+    let belts = Belts {
+        from: (radial.inner - width).max(0.0),
+        to: radial.inner + width,
+        again: radial.outer - width,
+        end: radial.outer + width,
+    };
+    workspace.patch.take(frame, rect, model.centre, model.shape, &belts, 1);
+    let fit = converge(&workspace.patch, &mut model, full, &lean)?;
+    fit.check(radial.contrast)?;
+    // The projective bias of an edge grows with its radius squared; the two count by their information.
+    let inner_bias = 1.0 / (search.ratio * search.ratio);
+    let share = radial.outer_share();
+    let bias = search.bias.map(|bias| bias * (share + inner_bias * (1.0 - share)));
+    let by_slope = lean.pull * lean.pull * lean.variance * fit.variance;
+    let ring = Ring {
+        centre: Centre {
+            at: [0, 1].map(|i| model.centre[i] - bias[i]),
+            covariance: model.shape.map(|moment| moment * (fit.square + by_slope)),
+        },
+        diameter_px: 2.0 * radial.outer,
+        white: (radial.white / full) as f32,
+        black: ((radial.white - radial.contrast) / full) as f32,
+        noise: (libm::sqrt(fit.variance) / full) as f32,
+        blur_px: radial.blur as f32,
+    };
+    let light = Light {
+        slope: model.gradient_out_of_circle(model.slope).map(|slope| slope / radial.white),
+        variance: lean.variance * fit.variance / (radial.white * radial.white),
+        pull: model.shape.map(|moment| moment * lean.pull * radial.white),
+        by_slope: model.shape.map(|moment| moment * by_slope),
+    };
+    Ok((ring, light))
+}
+
+/// The model by what the binary window says, and the part of the picture that it needs.
+fn rough(
+    frame: &Frame,
     window: Rect,
     candidate: &Candidate,
     (dark, bright): (f64, f64),
     search: &Search,
-    settings: &Settings,
-) -> Result<Ring, Refusal> {
+) -> Result<(Rect, Model), Refusal> {
     let centre = [candidate.centre[0] + f64::from(window.x), candidate.centre[1] + f64::from(window.y)];
     // Half the ellipse's extent is twice the standard deviation of its filled area.
     let half = [0, 2].map(|i| 2.0 * libm::sqrt(candidate.shape[i].max(0.0)) + MARGIN + 0.5);
@@ -71,194 +142,137 @@ pub(crate) fn measure(
         return Err(Refusal::CutByPicture);
     }
     let rect = Rect::clipped(frame, low, high).ok_or(Refusal::CutByPicture)?;
-
-    let [uu, uv, vv] = candidate.shape;
+    // A pose knows the shape better than the pixels of one ring.
+    let [uu, uv, vv] = if search.confident { search.shape } else { candidate.shape };
     let root = libm::sqrt(uu * vv - uv * uv);
-    let mut model = Model {
-        centre,
-        shape: [uu / root, uv / root, vv / root],
+    let radial = Radial {
+        white: bright,
+        contrast: bright - dark,
         outer: candidate.outer,
         inner: candidate.inner,
-        white: bright,
-        slope: [0.0; 2],
-        depth: (bright - dark) / bright,
         blur: FIRST_BLUR,
     };
-    let full = f64::from(full_scale(frame));
-    let least = settings.min_contrast * full;
-    let every = ((2.0 * model.outer / ADJUSTED_ROWS) as usize).max(2);
-    patch.take(frame, rect, centre, model.ellipse(model.outer + MARGIN), every);
-    for _ in 0..PASSES {
-        if adjust(patch, &mut model, full, least)? {
-            break;
-        }
-    }
-    patch.take(frame, rect, model.centre, model.ellipse(model.end()), 1);
-    let fit = judge(patch, &model, full)?;
-    let contrast = model.white * model.depth;
-    fit.check(contrast)?;
-    // The projective bias of an edge grows with its radius squared; the two count by their information.
-    let inner_bias = 1.0 / (search.ratio * search.ratio);
-    let bias = search.bias.map(|bias| bias * (fit.outer_share + inner_bias * (1.0 - fit.outer_share)));
-    let white = model.white;
-    Ok(Ring {
-        centre: Centre {
-            at: [0, 1].map(|i| model.centre[i] + fit.step[i] - bias[i]),
-            covariance: fit.covariance,
-        },
-        diameter_px: 2.0 * model.outer,
-        white: (white / full) as f32,
-        black: (white * (1.0 - model.depth) / full) as f32,
-        noise: (fit.residual / full) as f32,
-        blur_px: model.blur as f32,
-    })
+    let shape = [uu / root, uv / root, vv / root];
+    Ok((rect, Model { centre, shape, radial, slope: [0.0; 2] }))
 }
 
-/// One pass over what `patch` holds: corrects the model and returns whether it was little. `full` is the value of a
-/// saturated sample, `least` the least contrast.
-fn adjust(patch: &Patch, model: &mut Model, full: f64, least: f64) -> Result<bool, Refusal> {
-    let kernel = Kernel::new(model, patch.origin(), MARGIN, full);
-    let mut sum = [Lanes::ZERO; ADJUSTED];
-    kernel.adjust(patch, &mut sum);
-    let [
-        x,
-        y,
-        square,
-        outer,
-        inner,
-        xx,
-        xy,
-        width,
-        whites,
-        white_residual,
-        residual_u,
-        residual_v,
-        white_u,
-        white_v,
-        white_square,
-        blacks,
-        black_residual,
-        clipped,
-    ] = sum.map(Lanes::sum);
-    if square < 1.0 {
-        return Err(Refusal::Outline);
+/// Levels, radii, blur, slope and a better centre by the radial profile of some rows.
+fn start(
+    frame: &Frame,
+    workspace: &mut Workspace,
+    rect: Rect,
+    model: &mut Model,
+    full: f64,
+) -> Result<Lean, Refusal> {
+    let Workspace { patch, profile } = workspace;
+    let end = model.radial.outer + MARGIN;
+    let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(2);
+    patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), every);
+    profile.clear(end);
+    Kernel::new(model, patch.origin(), full).collect(patch, profile);
+    profile.close();
+    // A fifth of the window is as bright as this: its white is clipped.
+    let clipped = model.radial.white > (1.0 - CLIPPED) * full;
+    if clipped {
+        model.radial.white = full;
+        if model.radial.white - model.radial.contrast > MAX_BLACK * full {
+            return Err(Refusal::Saturated);
+        }
     }
-    if clipped > MAX_CLIPPED * whites {
-        return Err(Refusal::Saturated);
+    model.radial = profile.fit(&model.radial, clipped).ok_or(Refusal::Outline)?;
+    profile.end_at_dark(&model.radial, NO_LONGER_WHITE);
+    let mut lean = profile.lean(&model.radial);
+    if clipped {
+        lean.slope = [0.0; 2];
     }
-    // Levels from the pixels that no edge touches; where there are too few, they stay.
-    let mean = |sum: f64, count: f64| if count > 4.0 { sum / count } else { 0.0 };
-    let white_step = mean(white_residual, whites);
-    let black_step = mean(black_residual, blacks);
-    let black = model.white * (1.0 - model.depth) + black_step;
-    // The squared distances from the centre are half along u and half along v.
-    let slope_step = [residual_u - white_step * white_u, residual_v - white_step * white_v]
-        .map(|sum| 2.0 * sum / white_square.max(1.0));
-
-    // What a pixel's value changes by where an edge is steepest and moves by 1 px; sums of steepness by edge.
-    let per_px = model.peak();
-    let share = model.outer_share();
-    let (outer_square, inner_square) = (share * square, (1.0 - share) * square);
-    // An edge lies half in the white and half in the black.
-    let both = 0.5 * (white_step + black_step) * PER_SQUARE;
-    let outer_step = (both - outer / outer_square) / per_px;
-    let inner_step = (inner / inner_square - both) / per_px;
-    // The wider an edge, the darker its white and the brighter its black.
-    let blur_step = -width / (WIDTH_PER_SQUARE * square) / per_px / HALF_WIDTH;
-    let step = model.out_of_circle([2.0 * x / square / per_px, 2.0 * y / square / per_px]);
-    // White that slopes looks like a step of the outer edge and, less, like one back of the inner edge.
-    let tilt = (1.0 - 0.5 * model.depth) * PER_SQUARE * (share * model.outer - (1.0 - share) * model.inner);
-    let step = [0, 1].map(|i| step[i] + slope_step[i] * tilt / per_px);
-    // An ellipse that is wider along x and narrower along y by a share a of its radius.
-    let lever = 0.5 * square * per_px * (share * model.outer + (1.0 - share) * model.inner);
-    let cosine = (2.0 * xx - (inner - outer)) / lever;
-    let sine = 2.0 * xy / lever;
-
-    let old_blur = model.blur;
-    model.white += white_step;
-    model.depth = 1.0 - black / model.white;
-    model.slope = [0, 1].map(|i| model.slope[i] + slope_step[i]);
-    model.outer += outer_step;
-    model.inner += inner_step;
-    model.blur = (model.blur + blur_step).clamp(BLUR.0, BLUR.1);
     // Written so that a NaN is refused too.
-    if !(model.white > 0.0 && model.white * model.depth > least) {
-        return Err(Refusal::LowContrast);
-    }
-    let shape = [model.shape[0] + 2.0 * cosine, model.shape[1] + 2.0 * sine, model.shape[2] - 2.0 * cosine];
-    let determinant = shape[0] * shape[2] - shape[1] * shape[1];
-    let length = libm::hypot(step[0], step[1]);
-    let moved = [outer_step, inner_step, length].iter().all(|step| step.abs() < 2.0);
-    if !(moved && determinant > 0.01 && model.inner > 0.5) {
+    if !(libm::hypot(lean.step[0], lean.step[1]) < 2.0 && lean.variance >= 0.0) {
         return Err(Refusal::Outline);
     }
-    let root = libm::sqrt(determinant);
-    model.shape = shape.map(|moment| moment / root);
+    let step = model.out_of_circle(lean.step);
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
-    let tilted = libm::hypot(slope_step[0], slope_step[1]) * model.outer;
-    Ok(length < SMALL_STEP_PX
-        && (model.blur - old_blur).abs() < SMALL_BLUR_STEP * old_blur
-        && tilted < SMALL_TILT * model.white * model.depth)
+    model.slope = lean.slope;
+    Ok(lean)
 }
 
 /// What the last pass found.
 struct Fit {
-    /// What is still to be added to the centre, px.
+    /// What was last added to the centre, px.
     step: [f64; 2],
-    covariance: [f64; 3],
-    /// Share of the outer edge in the information on the centre.
-    outer_share: f64,
-    /// Distance between the centres of the outer and the inner edge, px.
-    apart: f64,
-    /// Amplitude of the outer edge's third harmonic, px.
-    third: f64,
-    /// Root mean square residual at the edges.
+    /// Variance of the centre in the circle's plane, for a slope that is known, px^2.
+    square: f64,
+    /// Variance of the noise at the edges.
+    variance: f64,
+    /// Mean square residual there.
     residual: f64,
+    /// Distance between the centres of the outer and the inner edge, px, and its standard deviation.
+    apart: [f64; 2],
+    /// Amplitude of the outer edge's third harmonic, px, and its standard deviation.
+    third: [f64; 2],
 }
 
 impl Fit {
     /// Refuses what is not one whole ring: something that hides a part of an edge bends it there, and the outer edge
     /// more than the inner one.
     fn check(&self, contrast: f64) -> Result<(), Refusal> {
-        let sigma = libm::sqrt(self.covariance[0].max(self.covariance[2]));
-        let apart = sigma / libm::sqrt(self.outer_share * (1.0 - self.outer_share));
-        let third = sigma / libm::sqrt(self.outer_share);
+        let sigma = libm::sqrt(self.square);
         let step = libm::hypot(self.step[0], self.step[1]);
         // Written so that a NaN is refused too.
-        let whole = self.apart <= MAX_APART_PX + SIGMAS * apart
-            && self.third <= MAX_THIRD_PX + SIGMAS * third
+        let whole = self.apart[0] <= MAX_APART_PX + SIGMAS * self.apart[1]
+            && self.third[0] <= MAX_THIRD_PX + SIGMAS * self.third[1]
             && step <= LAST_STEP_PX + SIGMAS * sigma
-            && self.residual <= MAX_RESIDUAL * contrast;
+            && self.residual <= MAX_RESIDUAL * MAX_RESIDUAL * contrast * contrast;
         if whole { Ok(()) } else { Err(Refusal::Outline) }
     }
 }
 
-/// The last pass, over all rows.
-fn judge(patch: &Patch, model: &Model, full: f64) -> Result<Fit, Refusal> {
-    let kernel = Kernel::new(model, patch.origin(), MARGIN, full);
-    let mut sum = [Lanes::ZERO; JUDGED];
-    kernel.judge(patch, &mut sum);
-    let [outer_x, outer_y, inner_x, inner_y, square, residual, cosine, sine] = sum.map(Lanes::sum);
+/// Passes over all rows until the centre stays.
+fn converge(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit, Refusal> {
+    let mut fit = pass(patch, model, full, lean)?;
+    for _ in 1..PASSES {
+        if libm::hypot(fit.step[0], fit.step[1]) < SMALL_STEP_PX {
+            break;
+        }
+        fit = pass(patch, model, full, lean)?;
+    }
+    Ok(fit)
+}
+
+/// One pass: corrects the centre, for a slope that is known.
+fn pass(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit, Refusal> {
+    let mut sum = [Lanes::ZERO; SUMS];
+    Kernel::new(model, patch.origin(), full).fit(patch, &mut sum);
+    let [outer_x, outer_y, inner_x, inner_y, square, noise, cosine, sine] = sum.map(Lanes::sum);
     if square < 1.0 {
         return Err(Refusal::Outline);
     }
-    let per_px = model.peak();
-    let share = model.outer_share();
-    // A step outwards makes the outer edge darker, the inner one brighter. In the circle's plane the information is
-    // the same in all directions: half the squares for each of two.
+    // An edge that moves outwards makes the outer edge's pixels darker, the inner one's brighter. In the circle's plane
+    // both directions are alike: half the squares for each.
+    let radial = &model.radial;
+    let per_px = radial.peak();
     let scale = 2.0 / (square * per_px);
+    let step = model.out_of_circle([(inner_x - outer_x) * scale, (inner_y - outer_y) * scale]);
+    let share = radial.outer_share();
     let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
     let inner = model.out_of_circle([inner_x * scale / (1.0 - share), inner_y * scale / (1.0 - share)]);
-    let step = [0, 1].map(|i| share * outer[i] + (1.0 - share) * inner[i]);
+    // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black. The
+    // fit follows the noise of two in as many pixels as carry the information.
+    let carrying = TAU * (radial.outer + radial.inner) * radial.half_width() * (SQUARE * SQUARE / FOURTH);
+    let residual = noise / square / (1.0 - 2.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
-    let variance = (residual / square).max(1.0 / 12.0);
+    let variance = lean.misfit.noise(residual).max(1.0 / 12.0);
     let circle = 2.0 * variance / (square * per_px * per_px);
+    model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
+    let sigma = libm::sqrt(circle);
     Ok(Fit {
         step,
-        covariance: model.shape.map(|moment| moment * circle),
-        outer_share: share,
-        apart: libm::hypot(outer[0] - inner[0], outer[1] - inner[1]),
-        third: libm::hypot(cosine, sine) * scale / share,
-        residual: libm::sqrt(variance),
+        square: circle,
+        variance,
+        residual,
+        apart: [
+            libm::hypot(outer[0] - inner[0], outer[1] - inner[1]),
+            sigma / libm::sqrt(share * (1.0 - share)),
+        ],
+        third: [libm::hypot(cosine, sine) * scale / share, sigma / libm::sqrt(share)],
     })
 }

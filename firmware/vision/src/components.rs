@@ -1,36 +1,35 @@
-//! Connected components of the binary window (thesis 3.2.5): dark 8-connected, bright 4-connected, by runs and
-//! union-find in one walk over the rows, with area and centroid of each.
+//! Connected components of the binary window (thesis 3.2.5): dark 8-connected, bright 4-connected, with area, centroid
+//! and second moments of each.
+//!
+//! A ring is a dark component about a bright one that does not touch the window's edge: a hole. So the outside is
+//! flooded first, a row of bits at a time; what it leaves is dark or in a hole, and of that the component about each
+//! hole is the filled ring.
 
 use crate::MAX_SIDE;
-use crate::bits::Bits;
+use crate::bits::{Bits, WORDS};
 
-/// Most runs of one colour in a window. A window full of rings and clutter has a few hundred.
-const MAX_RUNS: usize = 4096;
+/// One row; bit `x % 64` of word `x / 64` is pixel `x`.
+type Row = [u64; WORDS];
 
-/// Most components of one colour before those that meet further down are united.
-const MAX_PARTS: usize = 1024;
+/// Most times that a flood goes down and up again. What winds more often is no ring.
+const MAX_SWEEPS: usize = 16;
 
-/// A window has too many runs or components for the tables: noise, not a picture of rings.
+/// Most holes of a window that are looked at. A window full of rings and clutter has a few dozen.
+const MAX_HOLES: usize = 256;
+
+/// A window has too many holes or winds too much: noise, not a picture of rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Clutter;
 
-/// A horizontal run of pixels of one colour.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    y: u8,
-    start: u8,
-    /// One beyond the last pixel.
-    end: u8,
-    part: u16,
-}
-
-/// Area, first moments and bounding box of a component.
+/// Area, moments and bounding box of a component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Part {
     /// Pixels.
     pub(crate) area: u32,
-    sum_x: u32,
-    sum_y: u32,
+    /// First moments.
+    sums: [u32; 2],
+    /// Second moments about the window's corner: xx, xy, yy.
+    squares: [u32; 3],
     /// First column and row.
     pub(crate) low: [u8; 2],
     /// Last column and row.
@@ -38,32 +37,40 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    const EMPTY: Self = Self { area: 0, sum_x: 0, sum_y: 0, low: [u8::MAX; 2], high: [0; 2] };
+    const EMPTY: Self = Self { area: 0, sums: [0; 2], squares: [0; 3], low: [u8::MAX; 2], high: [0; 2] };
 
+    /// Adds pixels `start` up to `end`, that one excluded, of row `y`.
     #[inline(always)]
-    fn add_run(&mut self, y: u8, start: u8, end: u8) {
-        let length = u32::from(end - start);
+    fn add_run(&mut self, y: u32, start: u32, end: u32) {
+        let length = end - start;
+        let [sums, squares] =
+            [&SUMS, &SQUARES].map(|table| table[end as u8 as usize] - table[start as u8 as usize]);
         self.area += length;
-        // start + ... + (end - 1)
-        self.sum_x += length * (u32::from(start) + u32::from(end) - 1) / 2;
-        self.sum_y += length * u32::from(y);
-        // Rows come from the top.
-        self.low = [self.low[0].min(start), self.low[1].min(y)];
-        self.high = [self.high[0].max(end - 1), y];
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.area += other.area;
-        self.sum_x += other.sum_x;
-        self.sum_y += other.sum_y;
-        self.low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];
-        self.high = [self.high[0].max(other.high[0]), self.high[1].max(other.high[1])];
+        self.sums = [self.sums[0] + sums, self.sums[1] + length * y];
+        let [xx, xy, yy] = self.squares;
+        self.squares = [xx + squares, xy + sums * y, yy + length * y * y];
+        self.low = [self.low[0].min(start as u8), self.low[1].min(y as u8)];
+        self.high = [self.high[0].max(end as u8 - 1), self.high[1].max(y as u8)];
     }
 
     /// Centroid in the window.
     pub(crate) fn centroid(&self) -> [f64; 2] {
         let area = f64::from(self.area.max(1));
-        [f64::from(self.sum_x) / area, f64::from(self.sum_y) / area]
+        self.sums.map(|sum| f64::from(sum) / area)
+    }
+
+    /// Centroid of what is left without a part of it.
+    pub(crate) fn centroid_without(&self, part: &Self) -> [f64; 2] {
+        let area = f64::from(self.area.saturating_sub(part.area).max(1));
+        [0, 1].map(|i| f64::from(self.sums[i].saturating_sub(part.sums[i])) / area)
+    }
+
+    /// Second central moments (uu, uv, vv) over the area.
+    pub(crate) fn moments(&self) -> [f64; 3] {
+        let [x, y] = self.centroid();
+        let area = f64::from(self.area.max(1));
+        let [xx, xy, yy] = self.squares.map(|square| f64::from(square) / area);
+        [xx - x * x, xy - x * y, yy - y * y]
     }
 
     /// Whether it touches the edge of a window of this width and height.
@@ -77,218 +84,299 @@ impl Part {
     }
 }
 
-/// The components of one colour. `REACH` is 1 where diagonal neighbours belong together (8-connected), else 0.
-pub(crate) struct Layer<const REACH: u8> {
-    runs: [Run; MAX_RUNS],
-    run_count: usize,
-    /// Where the runs of the row before and of the present row start.
-    before: usize,
-    present: usize,
-    /// First run of the row before that can still touch a new run.
-    next: usize,
-    parts: [Part; MAX_PARTS],
-    /// Index of an earlier part that this one belongs to, or its own.
-    parents: [u16; MAX_PARTS],
-    part_count: usize,
+/// Sums of the numbers, and of their squares, below the index.
+const SUMS: [u32; 256] = below(1);
+const SQUARES: [u32; 256] = below(2);
+const _: () = assert!(MAX_SIDE < 256);
+
+const fn below(power: u32) -> [u32; 256] {
+    let mut sums = [0; 256];
+    let mut n = 1;
+    while n < 256 {
+        sums[n] = sums[n - 1] + (n as u32 - 1).pow(power);
+        n += 1;
+    }
+    sums
 }
 
-impl<const REACH: u8> Layer<REACH> {
-    const fn new() -> Self {
-        Self {
-            runs: [Run { y: 0, start: 0, end: 0, part: 0 }; MAX_RUNS],
-            run_count: 0,
-            before: 0,
-            present: 0,
-            next: 0,
-            parts: [Part::EMPTY; MAX_PARTS],
-            parents: [0; MAX_PARTS],
-            part_count: 0,
-        }
-    }
-
-    /// Starts over with `parts` empty components.
-    fn clear(&mut self, parts: usize) {
-        (self.run_count, self.before, self.present, self.next) = (0, 0, 0, 0);
-        self.part_count = parts;
-        for (i, (part, parent)) in (0u16..).zip(self.parts.iter_mut().zip(&mut self.parents)).take(parts) {
-            *part = Part::EMPTY;
-            *parent = i;
-        }
-    }
-
-    fn start_row(&mut self) {
-        (self.before, self.present) = (self.present, self.run_count);
-        self.next = self.before;
-    }
-
-    /// Adds a run of the present row, to component `known` or to those of the row before that it touches.
-    #[inline(always)]
-    fn push(&mut self, y: u8, start: u8, end: u8, known: Option<u16>) -> Result<(), Clutter> {
-        let above = self.runs.get(..self.present).unwrap_or_default();
-        let mut part = known;
-        for run in above.get(self.next..).unwrap_or_default() {
-            if run.end + REACH <= start {
-                self.next += 1;
-                continue;
-            }
-            if run.start >= end + REACH {
-                break;
-            }
-            part = match part {
-                None => Some(run.part),
-                Some(part) if part == run.part => Some(part),
-                Some(part) => Some(unite(&mut self.parents, part, run.part)),
-            };
-        }
-        let part = match part {
-            Some(part) => part,
-            None => {
-                let fresh = self.part_count;
-                let (Some(part), Some(parent)) = (self.parts.get_mut(fresh), self.parents.get_mut(fresh))
-                else {
-                    return Err(Clutter);
-                };
-                *part = Part::EMPTY;
-                *parent = fresh as u16;
-                self.part_count += 1;
-                fresh as u16
-            }
-        };
-        let run = self.runs.get_mut(self.run_count).ok_or(Clutter)?;
-        *run = Run { y, start, end, part };
-        self.run_count += 1;
-        if let Some(part) = self.parts.get_mut(part as usize) {
-            part.add_run(y, start, end);
-        }
-        Ok(())
-    }
-
-    /// Puts what belongs together into the earliest part.
-    fn finish(&mut self) {
-        for i in (1..self.part_count.min(MAX_PARTS)).rev() {
-            let parent = self.parents[i] as usize;
-            if parent < i {
-                let part = self.parts[i];
-                self.parts[parent].add(&part);
-                self.parts[i].area = 0;
-            }
-        }
-    }
-
-    /// The components with their numbers; their order is that of their first rows.
-    pub(crate) fn parts(&self) -> impl Iterator<Item = (u16, &Part)> {
-        (0u16..).zip(self.parts.get(..self.part_count).unwrap_or_default()).filter(|(_, part)| part.area > 0)
-    }
-
-    /// Second moments (uu, uv, vv) of component `number` about `centre`, summed over its pixels.
-    pub(crate) fn second_moments(&self, number: u16, part: &Part, centre: [f64; 2]) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        let runs = self.runs.get(..self.run_count).unwrap_or_default();
-        let first = runs.partition_point(|run| run.y < part.low[1]);
-        for run in runs.get(first..).unwrap_or_default() {
-            if run.y > part.high[1] {
-                break;
-            }
-            if root(&self.parents, run.part) != number {
-                continue;
-            }
-            let length = f64::from(run.end - run.start);
-            let x = 0.5 * (f64::from(run.start) + f64::from(run.end) - 1.0) - centre[0];
-            let y = f64::from(run.y) - centre[1];
-            // The sum of squares of n numbers one apart about their mean is n (n^2 - 1) / 12.
-            sum[0] += length * (x * x + (length * length - 1.0) / 12.0);
-            sum[1] += length * x * y;
-            sum[2] += length * y * y;
-        }
-        sum
-    }
+/// Which pixels belong together: those side by side (bright), or diagonal neighbours as well (dark).
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    Sides,
+    Diagonals,
 }
 
-/// Makes two components one and says which.
-fn unite(parents: &mut [u16; MAX_PARTS], one: u16, other: u16) -> u16 {
-    let (one, other) = (root(parents, one), root(parents, other));
-    let (low, high) = (one.min(other), one.max(other));
-    if let Some(parent) = parents.get_mut(high as usize) {
-        *parent = low;
-    }
-    low
-}
-
-/// The component that `part` has become.
-#[inline(always)]
-fn root(parents: &[u16; MAX_PARTS], mut part: u16) -> u16 {
-    // Parents have smaller numbers than their children, so this ends.
-    while let Some(&parent) = parents.get(part as usize) {
-        if parent == part {
-            break;
-        }
-        part = parent;
-    }
-    part
-}
-
-/// Dark and bright components of a window.
+/// The components of a window, with the memory to find them.
 pub(crate) struct Components {
-    pub(crate) dark: Layer<1>,
-    /// All bright runs that touch the window's edge are component 0: none of them is inside a ring.
-    pub(crate) bright: Layer<0>,
+    /// Bright pixels that are not outside; those looked at are taken out.
+    holes: [Row; MAX_SIDE],
+    /// All pixels that are not outside.
+    filled: [Row; MAX_SIDE],
+    /// The component that is being flooded.
+    region: [Row; MAX_SIDE],
+    width: usize,
+    height: usize,
 }
-
-/// The bright component that is not inside anything.
-pub(crate) const OUTSIDE: u16 = 0;
 
 impl Components {
     pub(crate) const fn new() -> Self {
-        Self { dark: Layer::new(), bright: Layer::new() }
+        let rows = [[0; WORDS]; MAX_SIDE];
+        Self { holes: rows, filled: rows, region: rows, width: 0, height: 0 }
     }
 
-    /// Finds the components of `bits`.
+    /// Floods the outside of the bright pixels of `bits`: all that reach the window's edge.
     pub(crate) fn find(&mut self, bits: &Bits) -> Result<(), Clutter> {
-        self.dark.clear(0);
-        self.bright.clear(1);
-        let width = bits.width().min(MAX_SIDE) as u8;
-        let words = bits.width().div_ceil(64);
-        let last_row = bits.height().saturating_sub(1);
-        for (y, row) in bits.rows().iter().enumerate() {
-            self.dark.start_row();
-            self.bright.start_row();
-            let edge_row = y == 0 || y == last_row;
-            let y = y as u8;
-            // Where the colour changes: bright from 0 on, dark after the first change, bright after the second.
-            let mut start = 0u8;
-            let mut dark = false;
-            let mut carry = 0;
-            for (i, &word) in row.iter().enumerate().take(words) {
-                let offset = 64 * i as u8;
-                let mut changes = word ^ (word << 1 | carry);
-                carry = word >> 63;
-                while changes != 0 {
-                    let x = offset + changes.trailing_zeros() as u8;
-                    changes &= changes - 1;
-                    if x >= width {
-                        break;
-                    }
-                    if dark {
-                        self.dark.push(y, start, x, None)?;
-                    } else if x > start {
-                        let outside = edge_row || start == 0;
-                        self.bright.push(y, start, x, outside.then_some(OUTSIDE))?;
-                    }
-                    (start, dark) = (x, !dark);
-                }
-            }
-            if start < width {
-                if dark {
-                    self.dark.push(y, start, width, None)?;
-                } else {
-                    self.bright.push(y, start, width, Some(OUTSIDE))?;
-                }
+        (self.width, self.height) = (bits.width(), bits.height());
+        match self.words() {
+            1 => self.find_in::<1>(bits),
+            2 => self.find_in::<2>(bits),
+            _ => self.find_in::<WORDS>(bits),
+        }
+    }
+
+    fn words(&self) -> usize {
+        self.width.div_ceil(64)
+    }
+
+    fn find_in<const N: usize>(&mut self, bits: &Bits) -> Result<(), Clutter> {
+        let inside: [u64; N] = words(&bits.row_mask());
+        let mut sides: [u64; N] = words(&bits.last_pixel());
+        sides[0] |= 1;
+        let last = self.height.saturating_sub(1);
+        let rows = self.holes.iter_mut().zip(&mut self.region).zip(bits.rows());
+        for (y, ((hole, outside), dark)) in rows.enumerate() {
+            let dark: [u64; N] = words(dark);
+            let bright: [u64; N] = core::array::from_fn(|i| !dark[i] & inside[i]);
+            let edge =
+                if y == 0 || y == last { bright } else { core::array::from_fn(|i| sides[i] & bright[i]) };
+            put(hole, &bright);
+            put(outside, &fill(&edge, &bright));
+        }
+        self.flood_outside::<N>()?;
+        let rows = self.holes.iter_mut().zip(&mut self.filled).zip(&self.region);
+        for ((hole, filled), outside) in rows.take(self.height) {
+            for i in 0..N {
+                hole[i] &= !outside[i];
+                filled[i] = inside[i] & !outside[i];
             }
         }
-        self.dark.finish();
-        self.bright.finish();
         Ok(())
     }
+
+    /// Grows what is outside down and up until a way changes nothing.
+    fn flood_outside<const N: usize>(&mut self) -> Result<(), Clutter> {
+        for sweep in 0..MAX_SWEEPS {
+            let (mut grown, mut before) = (false, [0; N]);
+            for (outside, bright) in self.region.iter_mut().zip(&self.holes).take(self.height) {
+                grown |= grow(outside, bright, &mut before, Reach::Sides);
+            }
+            if sweep > 0 && !grown {
+                return Ok(());
+            }
+            (grown, before) = (false, [0; N]);
+            for (outside, bright) in self.region.iter_mut().zip(&self.holes).take(self.height).rev() {
+                grown |= grow(outside, bright, &mut before, Reach::Sides);
+            }
+            if !grown {
+                return Ok(());
+            }
+        }
+        Err(Clutter)
+    }
+
+    /// The next hole of at least `least` pixels, from the top, and the dark component around it with all its holes.
+    pub(crate) fn next_ring(&mut self, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
+        match self.words() {
+            1 => self.next_ring_in::<1>(least),
+            2 => self.next_ring_in::<2>(least),
+            _ => self.next_ring_in::<WORDS>(least),
+        }
+    }
+
+    fn next_ring_in<const N: usize>(&mut self, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
+        for _ in 0..MAX_HOLES {
+            let Some((x, y)) = first_pixel::<N>(&self.holes, self.height) else { return Ok(None) };
+            let bright = self.take_part::<N>((x, y), Reach::Sides)?;
+            if f64::from(bright.area) < least {
+                continue;
+            }
+            let filled = self.filled.get(..self.height).unwrap_or_default();
+            let rows = flood::<N>(filled, &mut self.region, (x, y), Reach::Diagonals)?;
+            return Ok(Some((bright, part::<N>(&self.region, rows))));
+        }
+        Err(Clutter)
+    }
+
+    /// Shows every dark component to `visit`. Uses the memory of the holes.
+    pub(crate) fn each_dark(&mut self, bits: &Bits, mut visit: impl FnMut(&Part)) {
+        self.holes.iter_mut().zip(bits.rows()).for_each(|(row, dark)| *row = *dark);
+        for _ in 0..MAX_HOLES {
+            let Some(seed) = first_pixel::<WORDS>(&self.holes, self.height) else { return };
+            let Ok(part) = self.take_part::<WORDS>(seed, Reach::Diagonals) else { return };
+            visit(&part);
+        }
+    }
+
+    /// The component of the holes that has this pixel, which is taken out of them.
+    fn take_part<const N: usize>(&mut self, seed: (usize, usize), reach: Reach) -> Result<Part, Clutter> {
+        let holes = self.holes.get(..self.height).unwrap_or_default();
+        let rows = flood::<N>(holes, &mut self.region, seed, reach)?;
+        for (hole, region) in self.holes.iter_mut().zip(&self.region).take(rows.1).skip(rows.0) {
+            for i in 0..N {
+                hole[i] &= !region[i];
+            }
+        }
+        Ok(part::<N>(&self.region, rows))
+    }
+}
+
+/// The words of a row that are in use.
+#[inline(always)]
+fn words<const N: usize>(row: &Row) -> [u64; N] {
+    core::array::from_fn(|i| row[i])
+}
+
+#[inline(always)]
+fn put<const N: usize>(row: &mut Row, words: &[u64; N]) {
+    row[..N].copy_from_slice(words);
+}
+
+/// The first set pixel of `rows`, by rows.
+fn first_pixel<const N: usize>(rows: &[Row; MAX_SIDE], height: usize) -> Option<(usize, usize)> {
+    for (y, row) in rows.iter().enumerate().take(height) {
+        for i in 0..N {
+            if row[i] != 0 {
+                return Some((64 * i + row[i].trailing_zeros() as usize, y));
+            }
+        }
+    }
+    None
+}
+
+/// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies: from the first up
+/// to the second, that one excluded. Other rows of `region` mean nothing.
+fn flood<const N: usize>(
+    mask: &[Row],
+    region: &mut [Row; MAX_SIDE],
+    (x, y): (usize, usize),
+    reach: Reach,
+) -> Result<(usize, usize), Clutter> {
+    let (mut from, mut to) = (y, y + 1);
+    let mut seed = [0; N];
+    *seed.get_mut(x / 64).ok_or(Clutter)? = 1 << (x % 64);
+    let (Some(first), Some(own)) = (region.get_mut(y), mask.get(y)) else { return Err(Clutter) };
+    put(first, &fill(&seed, &words(own)));
+    for sweep in 0..MAX_SWEEPS {
+        // Down through the rows that have some of it and beyond, then up, until a way changes nothing.
+        let (mut grown, mut before) = (false, [0; N]);
+        for (row, (into, mask)) in region.iter_mut().zip(mask).enumerate().skip(from) {
+            if row == to {
+                *into = [0; WORDS];
+                if !grow(into, mask, &mut before, reach) {
+                    break;
+                }
+                (grown, to) = (true, row + 1);
+            } else {
+                grown |= grow(into, mask, &mut before, reach);
+            }
+        }
+        if sweep > 0 && !grown {
+            return Ok((from, to));
+        }
+        (grown, before) = (false, [0; N]);
+        for (row, (into, mask)) in region.iter_mut().zip(mask).enumerate().take(to).rev() {
+            if row + 1 == from {
+                *into = [0; WORDS];
+                if !grow(into, mask, &mut before, reach) {
+                    break;
+                }
+                (grown, from) = (true, row);
+            } else {
+                grown |= grow(into, mask, &mut before, reach);
+            }
+        }
+        if !grown {
+            return Ok((from, to));
+        }
+    }
+    Err(Clutter)
+}
+
+/// Grows a flooded row by what it shares with the flooded row `before` it, which it then takes the place of. Says
+/// whether it grew.
+#[inline(always)]
+fn grow<const N: usize>(row: &mut Row, mask: &Row, before: &mut [u64; N], reach: Reach) -> bool {
+    let (present, mask): ([u64; N], [u64; N]) = (words(row), words(mask));
+    let mut fresh = 0;
+    let seed = core::array::from_fn(|i| {
+        let spread = match reach {
+            Reach::Sides => before[i],
+            Reach::Diagonals => {
+                let left = before[i] << 1 | if i > 0 { before[i - 1] >> 63 } else { 0 };
+                let right = before[i] >> 1 | if i + 1 < N { before[i + 1] << 63 } else { 0 };
+                before[i] | left | right
+            }
+        };
+        let seed = spread & mask[i];
+        fresh |= seed & !present[i];
+        present[i] | seed
+    });
+    if fresh == 0 {
+        *before = present;
+        return false;
+    }
+    *before = fill(&seed, &mask);
+    put(row, before);
+    true
+}
+
+/// All runs of `mask` that have a pixel of `seed`, which lies within it.
+#[inline(always)]
+fn fill<const N: usize>(seed: &[u64; N], mask: &[u64; N]) -> [u64; N] {
+    // Adding a seed to its run carries through to the run's end, and leaves nothing set from the seed on but seeds.
+    let mut filled = [0; N];
+    let mut carry = false;
+    for i in 0..N {
+        let (sum, over) = mask[i].overflowing_add(seed[i]);
+        let (sum, over_again) = sum.overflowing_add(u64::from(carry));
+        carry = over | over_again;
+        filled[i] = mask[i] & (!sum | seed[i]);
+    }
+    // What is left of each run lies before its first seed.
+    let mut enters = 0;
+    for i in (0..N).rev() {
+        let rest = mask[i] & !filled[i];
+        let mut ends = rest & (filled[i] >> 1 | enters << 63);
+        while ends != 0 {
+            let end = 63 - ends.leading_zeros();
+            ends &= !(1 << end);
+            // The run of ones that ends here starts after the last zero before it.
+            let zeros = !rest & (u64::MAX >> (63 - end));
+            let start = 64 - zeros.leading_zeros();
+            filled[i] |= (u64::MAX >> (63 - end)) & (u64::MAX << (start & 63));
+        }
+        enters = filled[i] & 1;
+    }
+    filled
+}
+
+/// Area, moments and bounding box of a region.
+fn part<const N: usize>(region: &[Row; MAX_SIDE], (from, to): (usize, usize)) -> Part {
+    let mut part = Part::EMPTY;
+    for (y, row) in region.iter().enumerate().take(to).skip(from) {
+        for i in 0..N {
+            // Runs that cross from word to word count as two: the sums are the same.
+            let mut rest = row[i];
+            while rest != 0 {
+                let start = rest.trailing_zeros();
+                let ones = (!(rest >> start)).trailing_zeros();
+                let end = start + ones;
+                rest &= u64::MAX.checked_shl(end).unwrap_or(0);
+                part.add_run(y as u32, 64 * i as u32 + start, 64 * i as u32 + end);
+            }
+        }
+    }
+    part
 }
 
 #[cfg(test)]
@@ -337,34 +425,71 @@ mod tests {
         out
     }
 
-    fn sorted<const REACH: u8>(layer: &Layer<REACH>, skip: Option<u16>) -> Vec<(u32, u32, u32)> {
-        let parts = layer.parts().filter(|(number, _)| Some(*number) != skip);
-        let mut out: Vec<_> = parts.map(|(_, p)| (p.area, p.sum_x, p.sum_y)).collect();
-        out.sort_unstable();
-        out
+    /// Area and first moments.
+    type Sums = (u32, u32, u32);
+
+    /// Every ring's hole and filled component.
+    fn rings(bits: &Bits) -> Result<Vec<[Sums; 2]>, Clutter> {
+        let mut components = Box::new(Components::new());
+        components.find(bits)?;
+        let mut out = Vec::new();
+        while let Some((hole, filled)) = components.next_ring(0.0)? {
+            out.push([hole, filled].map(|part| (part.area, part.sums[0], part.sums[1])));
+        }
+        Ok(out)
+    }
+
+    /// The bright pixels that are connected with the edge, by asking again and again.
+    fn outside(width: usize, height: usize, bits: &Bits) -> Vec<bool> {
+        let mut outside = std::vec![false; width * height];
+        loop {
+            let before = outside.clone();
+            for i in 0..width * height {
+                let (x, y) = (i % width, i / width);
+                let edge = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+                let near = |by: usize| outside[by];
+                outside[i] = !bits.get(x, y)
+                    && (edge || near(i - 1) || near(i + 1) || near(i - width) || near(i + width));
+            }
+            if outside == before {
+                return outside;
+            }
+        }
     }
 
     fn check(plane: &Plane) {
         let (width, height) = (plane.width(), plane.height());
         let mut bits = Bits::new();
         bits.pack(plane, 128);
+        let dark = flood(width, height, |x, y| bits.get(x, y), true);
+        let bright = flood(width, height, |x, y| !bits.get(x, y), false);
+        let mut holes: Vec<_> = bright.iter().filter(|c| !c.3).map(|&(a, x, y, _)| (a, x, y)).collect();
+        let mut found = rings(&bits).unwrap();
+        let outside: Vec<bool> = outside(width, height, &bits);
+        let filled = flood(width, height, |x, y| !outside[y * width + x], true);
+        for [_, around] in &found {
+            assert!(filled.iter().any(|&(a, x, y, _)| (a, x, y) == *around), "{around:?}");
+        }
+        found.sort_unstable();
+        holes.sort_unstable();
+        assert_eq!(found.iter().map(|[hole, _]| *hole).collect::<Vec<_>>(), holes);
+
         let mut components = Box::new(Components::new());
         components.find(&bits).unwrap();
-        let dark: Vec<_> = flood(width, height, |x, y| bits.get(x, y), true)
-            .into_iter()
-            .map(|(a, x, y, _)| (a, x, y))
-            .collect();
-        assert_eq!(sorted(&components.dark, None), dark);
-        let bright = flood(width, height, |x, y| !bits.get(x, y), false);
-        let inside: Vec<_> = bright.iter().filter(|c| !c.3).map(|&(a, x, y, _)| (a, x, y)).collect();
-        assert_eq!(sorted(&components.bright, Some(OUTSIDE)), inside);
-        let outside: u32 = bright.iter().filter(|c| c.3).map(|c| c.0).sum();
-        let pooled = components.bright.parts().find(|(n, _)| *n == OUTSIDE).map_or(0, |(_, p)| p.area);
-        assert_eq!(pooled, outside);
+        let (mut all, mut count) = (Vec::new(), 0);
+        components.each_dark(&bits, |part| {
+            all.push((part.area, part.sums[0], part.sums[1]));
+            count += 1;
+        });
+        all.sort_unstable();
+        let wanted: Vec<_> = dark.iter().map(|&(a, x, y, _)| (a, x, y)).collect();
+        if wanted.len() <= MAX_HOLES {
+            assert_eq!(all, wanted);
+        }
     }
 
     #[test]
-    fn components_are_those_of_a_flood_fill() {
+    fn holes_and_what_is_around_them_are_those_of_a_flood_fill() {
         let mut random = Random::new(11);
         for (width, height) in
             [(1, 1), (1, 9), (9, 1), (30, 30), (63, 20), (64, 20), (65, 20), (128, 9), (192, 12)]
@@ -377,46 +502,54 @@ mod tests {
     }
 
     #[test]
-    fn spirals_are_one_component() {
-        // Nested rectangles joined at one place: many unions, late.
-        check(&Plane::from_fn(41, 41, |x, y| {
-            let ring = x.min(y).min(40 - x).min(40 - y);
-            if ring % 2 == 0 || (x == 20 && y > 20) { 9 } else { 200 }
-        }));
+    fn what_winds_is_followed_and_what_winds_without_end_is_clutter() {
+        // Nested rectangles joined at one place.
+        let nested = |side: usize| {
+            Plane::from_fn(side, side, |x, y| {
+                let ring = x.min(y).min(side - 1 - x).min(side - 1 - y);
+                if ring % 2 == 0 || (x == side / 2 && y > side / 2) { 9 } else { 200 }
+            })
+        };
+        check(&nested(41));
+        // A bright path that comes in at a corner and goes down and up over the whole window, between walls that stop
+        // short in turn.
+        let (width, height) = (121, 60);
+        let wall = |x: usize, y: usize| {
+            let edge = x == 0 || y == 0 || x == width - 1 || y == height - 1;
+            let gap = if x % 4 == 2 { height - 2 } else { 1 };
+            if edge { (x, y) != (1, 0) } else { x.is_multiple_of(2) && y != gap }
+        };
+        let mut bits = Bits::new();
+        bits.pack(&Plane::from_fn(width, height, |x, y| if wall(x, y) { 9 } else { 200 }), 128);
+        assert_eq!(rings(&bits), Err(Clutter));
     }
 
     #[test]
-    fn second_moments_are_those_of_the_pixels() {
-        let inside = |x: usize, y: usize| (x as f64 - 20.3).powi(2) + (y as f64 - 17.8).powi(2) < 90.0;
-        let plane = Plane::from_fn(40, 36, |x, y| if inside(x, y) || x == 3 { 0 } else { 255 });
+    fn moments_are_those_of_the_pixels() {
+        let radius = |x: usize, y: usize| (x as f64 - 20.3).hypot(y as f64 - 17.8);
+        let plane = Plane::from_fn(40, 36, |x, y| if (4.0..9.5).contains(&radius(x, y)) { 0 } else { 255 });
         let mut bits = Bits::new();
         bits.pack(&plane, 128);
         let mut components = Box::new(Components::new());
         components.find(&bits).unwrap();
-        let (number, part) = components.dark.parts().find(|(_, part)| part.low[0] > 3).unwrap();
-        let [cx, cy] = part.centroid();
-        let mut naive = [0.0; 3];
-        for y in 0..36 {
-            for x in 0..40 {
-                if inside(x, y) {
-                    let (dx, dy) = (x as f64 - cx, y as f64 - cy);
-                    naive = [naive[0] + dx * dx, naive[1] + dx * dy, naive[2] + dy * dy];
-                }
-            }
-        }
-        let sums = components.dark.second_moments(number, part, [cx, cy]);
-        for (sum, naive) in sums.iter().zip(naive) {
-            // Rounding of a few hundred additions.
-            assert!((sum - naive).abs() < 1e-8, "{sum} {naive}");
-        }
-    }
-
-    #[test]
-    fn a_window_of_noise_is_clutter_and_not_a_panic() {
-        let plane = Plane::from_fn(192, 192, |x, y| if (x + y) % 2 == 0 { 0 } else { 255 });
-        let mut bits = Bits::new();
-        bits.pack(&plane, 128);
-        let mut components = Box::new(Components::new());
-        assert_eq!(components.find(&bits), Err(Clutter));
+        let (hole, filled) = components.next_ring(1.0).unwrap().unwrap();
+        assert!(filled.encloses(&hole) && !hole.encloses(&filled));
+        let (area, centre, moments) = (f64::from(filled.area), filled.centroid(), filled.moments());
+        let ring = filled.centroid_without(&hole);
+        assert!((ring[0] - 20.3).abs() < 0.1 && (ring[1] - 17.8).abs() < 0.1, "{ring:?}");
+        let pixels = || (0..36 * 40).map(|i| (i % 40, i / 40)).filter(|&(x, y)| radius(x, y) < 9.5);
+        let count = pixels().count() as f64;
+        let mean =
+            |of: &dyn Fn(f64, f64) -> f64| pixels().map(|(x, y)| of(x as f64, y as f64)).sum::<f64>() / count;
+        let [cx, cy] = [mean(&|x, _| x), mean(&|_, y| y)];
+        let naive = [
+            mean(&|x, _| (x - cx) * (x - cx)),
+            mean(&|x, y| (x - cx) * (y - cy)),
+            mean(&|_, y| (y - cy) * (y - cy)),
+        ];
+        assert_eq!(area, count);
+        assert!((centre[0] - cx).abs() < 1e-9 && (centre[1] - cy).abs() < 1e-9);
+        // Differences of numbers some hundred times as large.
+        assert!(moments.iter().zip(naive).all(|(a, b)| (a - b).abs() < 1e-9), "{moments:?} {naive:?}");
     }
 }

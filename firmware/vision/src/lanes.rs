@@ -20,20 +20,28 @@ impl Lanes {
     }
 
     #[inline(always)]
-    pub(crate) fn of(values: [f32; LANES]) -> Self {
+    pub(crate) const fn of(values: [f32; LANES]) -> Self {
         Self(values)
+    }
+
+    /// Numbers `LANES * i` and on of a column.
+    #[inline(always)]
+    pub(crate) fn load<const N: usize>(column: &[f32; N], i: usize) -> Self {
+        Self(core::array::from_fn(|lane| column[LANES * i + lane]))
+    }
+
+    /// Puts them where [`Self::load`] finds them.
+    #[inline(always)]
+    pub(crate) fn store<const N: usize>(self, column: &mut [f32; N], i: usize) {
+        for (lane, value) in self.0.into_iter().enumerate() {
+            column[LANES * i + lane] = value;
+        }
     }
 
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let (a, b) = (self.0, other.0);
         Self([f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2]), f(a[3], b[3])])
-    }
-
-    /// 1 where it is less than `other`, else 0.
-    #[inline(always)]
-    pub(crate) fn less(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { 1.0 } else { 0.0 })
     }
 
     /// The sum of the four.

@@ -1,6 +1,10 @@
 //! From frames to circle centres with covariance.
 #![no_std]
 #![forbid(unsafe_code)]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over the columns of a block read best with the index of the pixel"
+)]
 
 #[cfg(test)]
 extern crate std;
@@ -10,10 +14,13 @@ mod candidate;
 mod centre;
 mod components;
 mod consensus;
+mod edge;
 mod lanes;
+mod light;
 mod loader;
 mod model;
 mod patch;
+mod profile;
 mod refusal;
 mod search;
 mod settings;

@@ -5,6 +5,7 @@
 use gangway_device::{Frame, Layout};
 
 use crate::MAX_SIDE;
+use crate::patch::BLOCK;
 
 /// A rectangle of the picture that lies wholly within it, at most `MAX_SIDE` either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +32,8 @@ fn clip(low: f64, high: f64, size: u16) -> Option<(u16, usize)> {
     if !(low <= high && high >= 0.0 && low <= f64::from(size)) {
         return None;
     }
-    let first = libm::round(low).max(0.0) as u16;
-    let last = libm::round(high).min(f64::from(size) - 1.0) as u16;
+    let first = (low.max(0.0) + 0.5) as u16;
+    let last = (high + 0.5).min(f64::from(size) - 0.5) as u16;
     let count = (last as usize + 1).checked_sub(first as usize)?;
     (1..=MAX_SIDE).contains(&count).then_some((first, count))
 }
@@ -103,10 +104,18 @@ impl Plane {
     }
 }
 
-/// Takes row `y` of the picture from column `x` on at full depth, as many samples as `into` has.
+/// Takes `count` samples, at most a block, of row `y` of the picture from column `x` on at full depth. What is in `into`
+/// beyond them means nothing.
 #[inline]
-pub(crate) fn load_row(frame: &Frame, x: u16, y: u16, into: &mut [f32]) {
-    match samples(frame, x, y, into.len()) {
+pub(crate) fn load_block(frame: &Frame, (x, y): (u16, u16), count: usize, into: &mut [f32; BLOCK]) {
+    let count = count.min(BLOCK);
+    if frame.layout() == Layout::GREY
+        && let Some(bytes) = frame.row(y).and_then(|row| row.get(x as usize..))
+        && let Some(bytes) = bytes.first_chunk::<BLOCK>()
+    {
+        return widen(bytes, into);
+    }
+    match samples(frame, x, y, count) {
         Samples::Byte(bytes) => into.iter_mut().zip(bytes).for_each(|(to, from)| *to = f32::from(*from)),
         Samples::Spread(bytes, step) => {
             into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = f32::from(*from))
@@ -117,6 +126,14 @@ pub(crate) fn load_row(frame: &Frame, x: u16, y: u16, into: &mut [f32]) {
             }
         }
         Samples::None => into.fill(0.0),
+    }
+}
+
+/// Not inlined: so the compiler makes one loop over whole vectors of it.
+#[inline(never)]
+fn widen(bytes: &[u8; BLOCK], into: &mut [f32; BLOCK]) {
+    for i in 0..BLOCK {
+        into[i] = f32::from(bytes[i]);
     }
 }
 

@@ -7,7 +7,7 @@ use crate::loader::Plane;
 const BRIGHT_SHARE: f64 = 0.2;
 
 /// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples.
-const SAMPLED_ROWS: usize = 20;
+const SAMPLED_ROWS: usize = 14;
 
 /// The two levels of a window, 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,52 +23,58 @@ impl Levels {
     }
 }
 
+/// Levels that count as one: the centre is fitted to the grey levels themselves.
+const BIN: u32 = 4;
+const BINS: usize = 64;
+
 /// Levels of a window of which `ring_share` is the ring's black: dark is the mean of the darkest such share,
 /// bright the level that a fifth of the samples exceed.
 pub(crate) fn levels(plane: &Plane, ring_share: f64) -> Levels {
     let histogram = histogram(plane);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
+    // The middle of a bin.
+    let level = |bin: u32| f64::from(BIN * bin) + 0.5 * f64::from(BIN - 1);
 
     let wanted = (ring_share * f64::from(count)).max(1.0) as u32;
     let (mut taken, mut sum) = (0u32, 0u32);
-    for (&n, level) in histogram.iter().zip(0u32..) {
+    for (&n, bin) in histogram.iter().zip(0u32..) {
         // Of the bin in which the share ends, only what is missing.
         let part = u32::from(n).min(wanted - taken);
         taken += part;
-        sum += part * level;
+        sum += part * bin;
         if taken >= wanted {
             break;
         }
     }
+    let dark = level(0) + f64::from(BIN * sum) / f64::from(taken.max(1));
 
     let limit = (BRIGHT_SHARE * f64::from(count)) as u32;
-    let (mut above, mut bright) = (0u32, 0u32);
-    for (&n, level) in histogram.iter().rev().zip((0..=255u32).rev()) {
+    let mut above = 0u32;
+    for (&n, bin) in histogram.iter().rev().zip((0..BINS as u32).rev()) {
         above += u32::from(n);
-        bright = level;
         if above > limit {
-            break;
+            return Levels { dark, bright: level(bin) };
         }
     }
-    Levels { dark: f64::from(sum) / f64::from(taken.max(1)), bright: f64::from(bright) }
+    Levels { dark, bright: level(0) }
 }
 
 /// Histogram of every second sample of a row, and of every second row or fewer where the window is large.
-fn histogram(plane: &Plane) -> [u16; 256] {
-    // Two tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
-    let (mut even, mut odd) = ([0u16; 256], [0u16; 256]);
+fn histogram(plane: &Plane) -> [u16; BINS] {
+    // Four tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
+    let mut tables = [[0u16; BINS]; 4];
     let every = (plane.height() / SAMPLED_ROWS).max(1);
     for row in plane.rows().iter().step_by(every) {
         let row = row.get(..plane.width()).unwrap_or_default();
-        let mut quads = row.chunks_exact(4);
-        for quad in &mut quads {
-            even[quad[0] as usize] += 1;
-            odd[quad[2] as usize] += 1;
+        let (eights, rest) = row.as_chunks::<8>();
+        for eight in eights {
+            for (table, &sample) in tables.iter_mut().zip(eight.iter().step_by(2)) {
+                table[sample as usize / BIN as usize] += 1;
+            }
         }
-        if let Some(&sample) = quads.remainder().first() {
-            even[sample as usize] += 1;
+        for (table, &sample) in tables.iter_mut().zip(rest.iter().step_by(2)) {
+            table[sample as usize / BIN as usize] += 1;
         }
     }
-    even.iter_mut().zip(odd).for_each(|(sum, n)| *sum += n);
-    even
+    core::array::from_fn(|bin| tables.iter().map(|table| table[bin]).sum())
 }

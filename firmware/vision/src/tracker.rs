@@ -7,10 +7,10 @@ use gangway_pose::MAX_CIRCLES;
 
 use crate::bits::Bits;
 use crate::candidate::{self, Miss};
-use crate::centre;
+use crate::centre::{self, Workspace};
 use crate::components::Components;
+use crate::light::{self, Light};
 use crate::loader::{Plane, Rect, full_scale};
-use crate::patch::Patch;
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 use crate::{consensus, threshold};
 
@@ -26,7 +26,7 @@ pub struct Tracker {
     plane: Plane,
     bits: Bits,
     components: Components,
-    patch: Patch,
+    workspace: Workspace,
 }
 
 impl Tracker {
@@ -37,7 +37,7 @@ impl Tracker {
             plane: Plane::new(),
             bits: Bits::new(),
             components: Components::new(),
-            patch: Patch::new(),
+            workspace: Workspace::new(),
         }
     }
 
@@ -56,23 +56,38 @@ impl Tracker {
         let count = searches.len().min(rings.len()).min(MAX_CIRCLES);
         let searches = searches.get(..count).unwrap_or_default();
         let rings = rings.get_mut(..count).unwrap_or_default();
-        for ((search, ring), cut) in searches.iter().zip(rings.iter_mut()).zip(&mut cuts) {
-            *ring = self.look_at(frame, search, search.at).map_err(|miss| {
-                *cut = miss.cut_at;
-                miss.refusal
-            });
+        let mut lights = [Light::NONE; MAX_CIRCLES];
+        let outcomes = searches.iter().zip(rings.iter_mut()).zip(&mut lights);
+        for (((search, ring), light), cut) in outcomes.zip(&mut cuts) {
+            match self.look_at(frame, search, search.at) {
+                Ok(found) => (*ring, *light) = (Ok(found.0), found.1),
+                Err(miss) => (*ring, *cut) = (Err(miss.refusal), miss.cut_at),
+            }
         }
         consensus::refuse_neighbours(searches, rings);
-        if rings.iter().all(Result::is_ok) {
-            return;
+        if !rings.iter().all(Result::is_ok) {
+            self.track_again(frame, searches, rings, &cuts, &mut lights);
         }
+        light::share(searches, rings, &lights);
+    }
+
+    /// The second looks of [`Self::track`].
+    fn track_again(
+        &mut self,
+        frame: &Frame,
+        searches: &[Search],
+        rings: &mut [Result<Ring, Refusal>],
+        cuts: &[Option<[f64; 2]>; MAX_CIRCLES],
+        lights: &mut [Light; MAX_CIRCLES],
+    ) {
+        let count = searches.len();
         for i in 0..count {
             let (Some(search), Some(Some(cut))) = (searches.get(i), cuts.get(i)) else { continue };
             // A piece at the window's edge may be a neighbour's: what is found there must fit to what is known.
             let known = consensus::trusted_shift(searches, rings, search.target);
-            let Some(ring) = rings.get_mut(i) else { continue };
+            let (Some(ring), Some(light)) = (rings.get_mut(i), lights.get_mut(i)) else { continue };
             let before = *ring;
-            self.look_again(frame, search, ring, *cut);
+            self.look_again(frame, search, (ring, light), *cut);
             if let (Ok(found), Some(shift)) = (*ring, known)
                 && consensus::is_out_of_reach(search, &found, shift)
             {
@@ -82,17 +97,23 @@ impl Tracker {
         consensus::refuse_neighbours(searches, rings);
         for i in 0..count {
             let (Some(search), Some(Err(_))) = (searches.get(i), rings.get(i)) else { continue };
-            let shift = consensus::shift(searches, rings, &cuts, search.target);
+            let shift = consensus::shift(searches, rings, cuts, search.target);
             let moved = [search.at[0] + shift[0], search.at[1] + shift[1]];
-            if let Some(ring) = rings.get_mut(i) {
-                self.look_again(frame, search, ring, moved);
+            if let (Some(ring), Some(light)) = (rings.get_mut(i), lights.get_mut(i)) {
+                self.look_again(frame, search, (ring, light), moved);
             }
         }
         consensus::refuse_neighbours(searches, rings);
     }
 
     /// Looks for a ring that was not found in a window about `at` as well, if that shows anything new.
-    fn look_again(&mut self, frame: &Frame, search: &Search, ring: &mut Result<Ring, Refusal>, at: [f64; 2]) {
+    fn look_again(
+        &mut self,
+        frame: &Frame,
+        search: &Search,
+        (ring, light): (&mut Result<Ring, Refusal>, &mut Light),
+        at: [f64; 2],
+    ) {
         let worthwhile =
             libm::hypot(at[0] - search.at[0], at[1] - search.at[1]) > NEW_WINDOW * search.diameter_px();
         // Dark, glare or a whole ring of another kind stay what they are in a moved window.
@@ -104,7 +125,7 @@ impl Tracker {
             return;
         }
         match self.look_at(frame, search, at) {
-            Ok(found) => *ring = Ok(found),
+            Ok(found) => (*ring, *light) = (Ok(found.0), found.1),
             // What the second window shows of a ring says more than that the first one showed nothing.
             Err(miss) if miss.refusal != Refusal::NotFound => *ring = Err(miss.refusal),
             Err(_) => {}
@@ -113,11 +134,11 @@ impl Tracker {
 
     /// Looks for one ring in its window, once.
     pub fn look(&mut self, frame: &Frame, search: &Search) -> Result<Ring, Refusal> {
-        self.look_at(frame, search, search.at).map_err(|miss| miss.refusal)
+        self.look_at(frame, search, search.at).map(|found| found.0).map_err(|miss| miss.refusal)
     }
 
     /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
-    fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<Ring, Miss> {
+    fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<(Ring, Light), Miss> {
         let refused = |refusal| Miss { refusal, cut_at: None };
         let diameter = search.diameter_px();
         let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);
@@ -142,13 +163,11 @@ impl Tracker {
         if self.settings.opening && 0.5 * diameter * (1.0 - 1.0 / search.ratio) >= MIN_OPENED_PX {
             self.bits.open();
         }
-        self.components.find(&self.bits).map_err(|_| refused(Refusal::NotFound))?;
 
         let origin = [f64::from(window.x), f64::from(window.y)];
         let predicted = [at[0] - origin[0], at[1] - origin[1]];
-        let size = (window.width, window.height);
-        let candidate =
-            candidate::find(&self.components, size, search, predicted, &self.settings).map_err(|miss| {
+        let candidate = candidate::find(&mut self.components, &self.bits, search, predicted, &self.settings)
+            .map_err(|miss| {
                 let cut_at = miss.cut_at.map(|cut| [cut[0] + origin[0], cut[1] + origin[1]]);
                 match cut_at {
                     Some(cut) if leaves(frame, search, cut) => refused(Refusal::CutByPicture),
@@ -157,7 +176,7 @@ impl Tracker {
             })?;
         let scale = f64::from(full_scale(frame)) / 255.0;
         let levels = (levels.dark * scale, levels.bright * scale);
-        centre::measure(frame, &mut self.patch, window, &candidate, levels, search, &self.settings)
+        centre::measure(frame, &mut self.workspace, window, &candidate, levels, search, &self.settings)
             .map_err(refused)
     }
 }

@@ -164,10 +164,22 @@ fn refusals_say_why() {
     let mut bitten = one_ring([85.0, 85.0], 36.0);
     bitten.cover(0.8, |x, y| (x - 85.0).hypot(y - 68.0) < 6.0);
     assert_eq!(look(&bitten, Layout::GREY, &search), Err(Refusal::Outline));
-    // White beyond full scale.
+    // White so far beyond full scale that little is left of the edges.
     let mut bright = whole;
-    bright.values.iter_mut().for_each(|value| *value *= 1.5);
+    bright.values.iter_mut().for_each(|value| *value *= 4.5);
     assert_eq!(look(&bright, Layout::GREY, &search), Err(Refusal::Saturated));
+}
+
+#[test]
+fn white_that_is_clipped_costs_neither_ring_nor_centre() {
+    for brighter in [1.0, 1.3, 1.6, 2.5] {
+        let centre = [84.3, 84.8];
+        let mut picture = one_ring(centre, 36.0);
+        picture.values.iter_mut().for_each(|value| *value *= brighter);
+        let ring = look(&picture, Layout::GREY, &Search::round([84.0, 84.0], 36.0)).unwrap();
+        // The drawing's own samples: 0.005 px with the whole edges, more with the third of them that is not clipped.
+        assert!(error(&ring, centre) < 0.015, "{brighter}: {}", error(&ring, centre));
+    }
 }
 
 /// Centres of a target like a 5-CCC close by: rings of 29 px, 60 px and more apart.

@@ -1,0 +1,541 @@
+//! The ring's radial profile: what pixels of one radius have in common tells its levels, radii and blur, and how they
+//! differ from one side to the other its centre and the light's slope, roughly.
+//!
+//! Pixels are sorted by radius, a quarter of a pixel a cell, and by quadrant of their direction.
+
+use crate::edge::{HALF_WIDTH, PEAK, edge};
+use crate::lanes::{LANES, Lanes};
+use crate::patch::{BLOCK, RUNS};
+
+/// Quadrants of the direction from the centre: bit 0 is set where x is negative, bit 1 where y is.
+const QUADRANTS: usize = 4;
+
+/// Mean of a direction's coordinate over a quadrant.
+const SIDE: f64 = core::f64::consts::FRAC_2_PI;
+
+/// Rings of cells and those of 1 px.
+const RINGS: usize = 512;
+const PER_PX: f32 = 4.0;
+
+/// Cells, those of a quadrant together.
+const CELLS: usize = QUADRANTS * RINGS;
+
+/// Radii beyond this are taken for it, px: no ring in a window is as large.
+const FARTHEST_PX: f32 = 120.0;
+
+/// Variance that the mixed radii of a cell make of the steepest profile, in variances of usual noise.
+const MIXED: f32 = 4.0;
+
+/// Values above this are no samples.
+const MOST: f32 = 65_536.0;
+
+/// Bins of the profile, of two rings of cells each.
+const BINS: usize = RINGS / 2;
+
+/// A cell counts pixels in its upper 8 bits and sums their values in the lower 24: a quadrant at the largest radius
+/// has 48 pixels a ring, of 16 bits each.
+const COUNT: u32 = 1 << 24;
+
+/// Adding this to a float of less leaves the rounded number in its last 16 bits.
+const TO_BITS: f32 = 8_388_608.0;
+
+/// Passes of Gauss-Newton; the start is within a third of a pixel and a factor of two in the blur.
+const PASSES: usize = 3;
+
+/// A pass with steps below this, px, is the last: the next one's would be of their square.
+const SMALL_STEP_PX: f64 = 0.25;
+
+/// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring can hardly
+/// be told apart, and need not be.
+const RIDGE: f64 = 1e-3;
+
+/// Bounds of the blur's standard deviation, px: the pixel's own area gives 0.29; and largest step of a pass.
+const BLUR: (f64, f64) = (0.35, 2.0);
+const LARGEST_STEP_PX: f64 = 1.0;
+
+/// Levels, radii and blur of a ring, in the plane where its outer ellipse is a circle of its own area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Radial {
+    /// Level of the white at the centre.
+    pub(crate) white: f64,
+    /// White less black.
+    pub(crate) contrast: f64,
+    /// Radii of the edges, px.
+    pub(crate) outer: f64,
+    pub(crate) inner: f64,
+    /// Standard deviation of the edges' blur, px.
+    pub(crate) blur: f64,
+}
+
+impl Radial {
+    /// Half the width of an edge, px.
+    pub(crate) fn half_width(&self) -> f64 {
+        HALF_WIDTH * self.blur
+    }
+
+    /// Change of a pixel's value where an edge is steepest and moves by 1 px.
+    pub(crate) fn peak(&self) -> f64 {
+        PEAK * self.contrast / self.half_width()
+    }
+
+    /// Share of the outer edge in the length of both, and so in the information on the centre.
+    pub(crate) fn outer_share(&self) -> f64 {
+        self.outer / (self.outer + self.inner)
+    }
+}
+
+/// What the two sides of the profile say.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lean {
+    /// What is to be added to the centre, in the circle's plane, px.
+    pub(crate) step: [f64; 2],
+    /// Slope of the white along x and y, a px, and its variance for noise of variance 1.
+    pub(crate) slope: [f64; 2],
+    pub(crate) variance: f64,
+    /// How far the centre follows a slope that is thought too great by 1, in the circle's plane, px.
+    pub(crate) pull: f64,
+    pub(crate) misfit: Misfit,
+}
+
+/// How far the profile is from the fitted one at the edges. What all pixels of one radius have in common is the model's
+/// fault and no noise: it is even about the centre and does not move it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Misfit {
+    /// Mean square distance.
+    square: f64,
+    /// What noise adds to it, share of the noise's own mean square.
+    noise_share: f64,
+}
+
+impl Misfit {
+    /// The variance of the noise alone in a mean square residual.
+    pub(crate) fn noise(&self, square: f64) -> f64 {
+        // At least half of it: bins of few pixels tell little.
+        ((square - self.square) / (1.0 - self.noise_share)).max(0.5 * square)
+    }
+}
+
+/// The profile with its working memory.
+pub(crate) struct Profile {
+    cells: [u32; CELLS],
+    /// Bins in use.
+    used: usize,
+    radius: [f32; BINS],
+    value: [f32; BINS],
+    count: [f32; BINS],
+}
+
+type Column = [f32; BLOCK];
+
+/// Derivatives of the profile, their part of the pixels, and residuals, of a block of bins.
+struct Terms {
+    rows: [Column; EVEN],
+    counted: [Column; EVEN],
+    residual: Column,
+}
+
+/// Unknowns of the profile: white, contrast, outer and inner radius, half width.
+const EVEN: usize = 5;
+/// Upper triangle of their normal matrix, and the right-hand side.
+const EVEN_SUMS: usize = EVEN * (EVEN + 1) / 2 + EVEN;
+
+impl Profile {
+    pub(crate) const fn new() -> Self {
+        Self { cells: [0; CELLS], used: 0, radius: [0.0; BINS], value: [0.0; BINS], count: [0.0; BINS] }
+    }
+
+    /// Starts over, for pixels up to `end` px from the centre.
+    pub(crate) fn clear(&mut self, end: f64) {
+        let bins = (end * f64::from(0.5 * PER_PX)) as usize + 2;
+        self.used = bins.next_multiple_of(BLOCK).min(BINS);
+        let rings = 2 * self.used;
+        self.quadrants_mut().iter_mut().for_each(|cells| cells.get_mut(..rings).unwrap_or_default().fill(0));
+    }
+
+    fn quadrants(&self) -> &[[u32; RINGS]] {
+        self.cells.as_chunks().0
+    }
+
+    fn quadrants_mut(&mut self) -> &mut [[u32; RINGS]] {
+        self.cells.as_chunks_mut().0
+    }
+
+    /// Adds pixels at these places from the centre and radii.
+    #[inline(never)]
+    pub(crate) fn add(&mut self, (x, y, radius): (&Column, &Column, &Column), values: &Column) {
+        let (mut cells, mut terms) = ([0; BLOCK], [0; BLOCK]);
+        sort((x, y, radius), values, &mut cells, &mut terms);
+        for (cell, term) in cells.iter().zip(terms) {
+            let sum = &mut self.cells[*cell as usize % CELLS];
+            *sum = sum.wrapping_add(term);
+        }
+    }
+
+    /// Makes bins of the cells.
+    pub(crate) fn close(&mut self) {
+        for first in (0..2 * self.used).step_by(BLOCK) {
+            let (mut counts, mut values) = ([0; BLOCK], [0; BLOCK]);
+            for cells in self.cells.as_chunks::<RINGS>().0 {
+                if let Some(cells) = block(cells, first) {
+                    add_cells(cells, &mut counts, &mut values);
+                }
+            }
+            for (i, bin) in (first / 2..).enumerate().take(BLOCK / 2) {
+                let (Some(count), Some(radius), Some(value)) =
+                    (self.count.get_mut(bin), self.radius.get_mut(bin), self.value.get_mut(bin))
+                else {
+                    return;
+                };
+                let (near, far) = (counts[2 * i] as i32 as f32, counts[2 * i + 1] as i32 as f32);
+                *count = near + far;
+                let per_count = if *count > 0.0 { 1.0 / *count } else { 0.0 };
+                *radius = (2.0 * bin as i32 as f32 + far * per_count) / PER_PX;
+                *value = (values[2 * i] + values[2 * i + 1]) as i32 as f32 * per_count;
+            }
+        }
+    }
+
+    /// Fits levels, radii and blur, from a start. With `known_white` the white stays. `None` where the pixels do not
+    /// determine a ring.
+    pub(crate) fn fit(&self, start: &Radial, known_white: bool) -> Option<Radial> {
+        let mut radial = *start;
+        let zero = [0.0; BLOCK];
+        let mut terms = Terms { rows: [zero; EVEN], counted: [zero; EVEN], residual: zero };
+        for _ in 0..PASSES {
+            let mut sums = [Lanes::ZERO; EVEN_SUMS];
+            let kernel = Kernel::new(&radial);
+            let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
+            for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
+                kernel.compare(radius, value, count, &mut terms);
+                add_products(&terms, &mut sums);
+            }
+            let step = solve(&sums.map(Lanes::sum), known_white)?;
+            let bounded = |step: f64| step.clamp(-LARGEST_STEP_PX, LARGEST_STEP_PX);
+            radial.white += step[0];
+            radial.contrast += step[1];
+            radial.outer += bounded(step[2]);
+            radial.inner += bounded(step[3]);
+            radial.blur = (radial.blur + bounded(step[4]) / HALF_WIDTH).clamp(BLUR.0, BLUR.1);
+            // Written so that a NaN is refused too.
+            if !(radial.contrast > 0.0 && radial.inner > 0.5 && radial.outer > radial.inner) {
+                return None;
+            }
+            if step[2..].iter().all(|step| step.abs() < SMALL_STEP_PX) {
+                break;
+            }
+        }
+        Some(radial)
+    }
+
+    /// What the sides say of centre and slope, for a profile that is known.
+    pub(crate) fn lean(&self, radial: &Radial) -> Lean {
+        let kernel = Kernel::new(radial);
+        let mut sums = Sides { squares: [Lanes::ZERO; 5], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
+        let mut rings = Rings::new();
+        for first in (0..2 * self.used).step_by(BLOCK) {
+            kernel.weigh_rings(first, &mut rings);
+            for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
+                if let Some(cells) = block(cells, first) {
+                    add_sides(cells, &rings, quadrant, &mut sums.squares);
+                }
+            }
+        }
+        // Half of the squared directions lie along x, half along y.
+        let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
+        let [square, cross, slope_square, all_square, all_cross] = sums.squares.map(|sum| 0.5 * sum.sum());
+        let (square, cross) = (square * per_px * per_px, cross * per_px);
+        let determinant = square * slope_square - cross * cross;
+        let [steep, slope] = [0, 1].map(|k| sides(&sums.quadrants.map(|quadrant| quadrant[k].sum())));
+        let steep = steep.map(|side| side * per_px);
+        Lean {
+            step: [0, 1].map(|i| (slope_square * steep[i] - cross * slope[i]) / determinant),
+            slope: [0, 1].map(|i| (square * slope[i] - cross * steep[i]) / determinant),
+            variance: square / determinant,
+            pull: all_cross / (all_square * per_px),
+            misfit: self.misfit(&kernel),
+        }
+    }
+
+    /// How far the bins at the edges are from the profile.
+    fn misfit(&self, kernel: &Kernel) -> Misfit {
+        let mut sums = [Lanes::ZERO; 4];
+        let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
+        for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
+            let zero = [0.0; BLOCK];
+            let (mut weight, mut off) = (zero, zero);
+            kernel.weigh((radius, value, count), &mut weight, &mut off);
+            add_misfit(count, &weight, &off, &mut sums);
+        }
+        let [misfit, weights, bins, squares] = sums.map(Lanes::sum);
+        // As many bins as carry the weights, less the unknowns that were fitted to them.
+        let carrying = bins * bins / squares;
+        let free = (1.0 - EVEN as f64 / carrying).max(0.0);
+        Misfit { square: misfit / weights, noise_share: free * bins / weights }
+    }
+
+    /// Forgets what lies beyond the white around the ring: the sheet's edge, a neighbour or a post makes a bin darker
+    /// by more than `share` of the contrast.
+    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) {
+        let from = (radial.outer + radial.half_width()) as f32;
+        let least = (radial.white - share * radial.contrast) as f32;
+        let bins = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used);
+        let mut dark = bins.map(|((radius, value), count)| *count > 0.0 && *radius > from && *value < least);
+        if let Some(first) = dark.position(|dark| dark) {
+            let rings = 2 * self.used;
+            for cells in self.quadrants_mut() {
+                // A bin less than seen: blur carries some of the dark further in.
+                cells.get_mut(2 * first.saturating_sub(1)..rings).unwrap_or_default().fill(0);
+            }
+        }
+    }
+}
+
+/// Sums of both sides: the weighted squares of steepness and slope (steepness, mixed, slope), the first two without
+/// weights, and for every quadrant weighted residuals times steepness and times slope.
+struct Sides {
+    squares: [Lanes; 5],
+    quadrants: [[Lanes; 2]; QUADRANTS],
+}
+
+/// What a block of rings of cells has in common: the model's value, its change as centre and slope change, and the
+/// weight. A cell mixes pixels of different radii, so the steeper the profile the less it is to be trusted.
+struct Rings {
+    model: Column,
+    steep: Column,
+    slope: Column,
+    weight: Column,
+}
+
+impl Rings {
+    fn new() -> Self {
+        let zero = [0.0; BLOCK];
+        Self { model: zero, steep: zero, slope: zero, weight: zero }
+    }
+}
+
+/// A block of rings of one quadrant.
+fn block(cells: &[u32; RINGS], first: usize) -> Option<&[u32; BLOCK]> {
+    cells.get(first..)?.first_chunk()
+}
+
+/// Adds an quadrant's cells to counts and sums of values. Not inlined, as [`add_sides`] and [`sort`]: so the compiler
+/// makes one loop over whole vectors of it.
+#[inline(never)]
+fn add_cells(cells: &[u32; BLOCK], counts: &mut [u32; BLOCK], values: &mut [u32; BLOCK]) {
+    for i in 0..BLOCK {
+        counts[i] += cells[i] / COUNT;
+        values[i] += cells[i] % COUNT;
+    }
+}
+
+#[inline(never)]
+fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 5]) {
+    for i in 0..RUNS {
+        let at = |column: &Column| Lanes::load(column, i);
+        let count = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] / COUNT) as i32 as f32));
+        let value = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] % COUNT) as i32 as f32));
+        let (steep, slope, weight) = (at(&rings.steep), at(&rings.slope), at(&rings.weight));
+        let residual = (value - count * at(&rings.model)) * weight;
+        quadrant[0] += steep * residual;
+        quadrant[1] += slope * residual;
+        let counted = steep * count;
+        let weighted = counted * weight;
+        squares[0] += weighted * steep;
+        squares[1] += weighted * slope;
+        squares[2] += slope * slope * count * weight;
+        squares[3] += counted * steep;
+        squares[4] += counted * slope;
+    }
+}
+
+/// The cell of every pixel and what it adds to it.
+#[inline(never)]
+fn sort(
+    (x, y, radius): (&Column, &Column, &Column),
+    values: &Column,
+    cells: &mut [u32; BLOCK],
+    terms: &mut [u32; BLOCK],
+) {
+    for i in 0..BLOCK {
+        let counts = (radius[i] < FARTHEST_PX) & (values[i] < MOST);
+        let far = if counts { radius[i] } else { FARTHEST_PX };
+        let ring = (far * PER_PX + TO_BITS).to_bits() & 0x1ff;
+        let left = if x[i] < 0.0 { 1 } else { 0 };
+        let above = if y[i] < 0.0 { 2 } else { 0 };
+        cells[i] = (left | above) * RINGS as u32 + ring;
+        terms[i] = ((values[i] + TO_BITS).to_bits() & 0xffff) + COUNT;
+    }
+}
+
+/// Sums over quadrants as the least squares' sides of x and of y.
+fn sides(sums: &[f64; QUADRANTS]) -> [f64; 2] {
+    let [a, b, c, d] = *sums;
+    // Weighted as if every pixel had its quadrant's mean direction, whose square is less than that of single pixels.
+    [a - b + c - d, a + b - c - d].map(|sum| 0.5 / SIDE * sum)
+}
+
+/// A profile made ready for bins.
+struct Kernel {
+    outer: f32,
+    inner: f32,
+    per_width: f32,
+    white: f32,
+    contrast: f32,
+}
+
+impl Kernel {
+    fn new(radial: &Radial) -> Self {
+        // A bin's own width blurs too: a uniform density of half a pixel.
+        let bin = 4.0 / (12.0 * f64::from(PER_PX * PER_PX));
+        let blur = libm::sqrt(radial.blur * radial.blur + bin);
+        Self {
+            outer: radial.outer as f32,
+            inner: radial.inner as f32,
+            per_width: (1.0 / (HALF_WIDTH * blur)) as f32,
+            white: radial.white as f32,
+            contrast: radial.contrast as f32,
+        }
+    }
+
+    /// Steepness of the outer and the inner edge and share that the ring covers, at a radius.
+    #[inline(always)]
+    fn at(&self, radius: f32) -> (f32, f32, f32) {
+        let (outer, outer_sum) = edge((radius - self.outer) * self.per_width);
+        let (inner, inner_sum) = edge((radius - self.inner) * self.per_width);
+        (outer, inner, inner_sum - outer_sum)
+    }
+
+    /// What the rings of cells from number `first` on have in common.
+    #[inline(never)]
+    fn weigh_rings(&self, first: usize, rings: &mut Rings) {
+        let depth = self.contrast / self.white;
+        for i in 0..BLOCK {
+            let radius = (first + i) as i32 as f32 / PER_PX;
+            let (outer, inner, covered) = self.at(radius);
+            let steep = inner - outer;
+            rings.model[i] = self.white - self.contrast * covered;
+            rings.steep[i] = steep;
+            rings.slope[i] = radius * (1.0 - depth * covered);
+            rings.weight[i] = 1.0 / (1.0 + MIXED * steep * steep);
+        }
+    }
+
+    /// How much bins count for the centre, and how far they are from the profile.
+    #[inline(never)]
+    fn weigh(
+        &self,
+        (radius, value, count): (&Column, &Column, &Column),
+        weight: &mut Column,
+        off: &mut Column,
+    ) {
+        for i in 0..BLOCK {
+            let (outer, inner, covered) = self.at(radius[i]);
+            let steep = outer - inner;
+            // Counts are whole numbers.
+            let counts = if count[i] < 1.0 { count[i] } else { 1.0 };
+            weight[i] = steep * steep * counts;
+            off[i] = value[i] - (self.white - self.contrast * covered);
+        }
+    }
+
+    /// Not inlined: so the compiler makes one loop over whole vectors of it.
+    #[inline(never)]
+    fn compare(&self, radius: &Column, value: &Column, count: &Column, terms: &mut Terms) {
+        let per_px = self.contrast * PEAK as f32 * self.per_width;
+        for i in 0..BLOCK {
+            let (outer, inner, covered) = self.at(radius[i]);
+            let by_outer = -per_px * outer;
+            let by_inner = per_px * inner;
+            let width = by_outer * (radius[i] - self.outer) + by_inner * (radius[i] - self.inner);
+            terms.rows[0][i] = 1.0;
+            terms.rows[1][i] = -covered;
+            terms.rows[2][i] = by_outer;
+            terms.rows[3][i] = by_inner;
+            terms.rows[4][i] = width * self.per_width;
+            for k in 0..EVEN {
+                terms.counted[k][i] = terms.rows[k][i] * count[i];
+            }
+            terms.residual[i] = value[i] - (self.white - self.contrast * covered);
+        }
+    }
+}
+
+#[inline(never)]
+fn add_misfit(count: &Column, weight: &Column, off: &Column, sums: &mut [Lanes; 4]) {
+    for i in 0..RUNS {
+        let at = |column: &Column| Lanes::load(column, i);
+        let (weight, off) = (at(weight), at(off));
+        let counted = at(count) * weight;
+        sums[0] += counted * off * off;
+        sums[1] += counted;
+        sums[2] += weight;
+        sums[3] += weight * weight;
+    }
+}
+
+/// Not inlined, with the sums in memory: so the compiler keeps the four together.
+#[inline(never)]
+fn add_products(terms: &Terms, sums: &mut [Lanes; EVEN_SUMS]) {
+    for i in 0..RUNS {
+        let at = |column: &Column| Lanes::load(column, i);
+        let mut next = 0;
+        for k in 0..EVEN {
+            let counted = at(&terms.counted[k]);
+            for j in k..EVEN {
+                sums[next] += counted * at(&terms.rows[j]);
+                next += 1;
+            }
+            sums[next] += counted * at(&terms.residual);
+            next += 1;
+        }
+    }
+}
+
+/// Solves the normal equations by Cholesky's method without square roots.
+fn solve(sums: &[f64; EVEN_SUMS], known_white: bool) -> Option<[f64; EVEN]> {
+    let mut matrix = [[0.0; EVEN]; EVEN];
+    let mut right = [0.0; EVEN];
+    let mut next = sums.iter();
+    for k in 0..EVEN {
+        for j in k..EVEN {
+            matrix[k][j] = *next.next()?;
+        }
+        right[k] = *next.next()?;
+    }
+    if known_white {
+        matrix[0] = [1.0, 0.0, 0.0, 0.0, 0.0];
+        right[0] = 0.0;
+    }
+    let mut lower = [[0.0; EVEN]; EVEN];
+    let mut pivots = [0.0; EVEN];
+    for k in 0..EVEN {
+        let mut pivot = matrix[k][k] * (1.0 + RIDGE);
+        for i in 0..k {
+            pivot -= lower[k][i] * lower[k][i] * pivots[i];
+        }
+        // NaN fails the comparison.
+        if !(pivot > 0.0 && pivot < f64::INFINITY) {
+            return None;
+        }
+        pivots[k] = pivot;
+        for row in k + 1..EVEN {
+            let mut sum = matrix[k][row];
+            for i in 0..k {
+                sum -= lower[row][i] * lower[k][i] * pivots[i];
+            }
+            lower[row][k] = sum / pivot;
+        }
+    }
+    for k in 0..EVEN {
+        for i in 0..k {
+            right[k] -= lower[k][i] * right[i];
+        }
+    }
+    for k in (0..EVEN).rev() {
+        right[k] /= pivots[k];
+        for i in k + 1..EVEN {
+            right[k] -= lower[i][k] * right[i];
+        }
+    }
+    Some(right)
+}
