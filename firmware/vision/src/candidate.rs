@@ -54,14 +54,15 @@ pub(crate) fn find(
     let mut refusal = Refusal::NotFound;
     components.find(bits).map_err(|_| Miss { refusal, cut_at: None })?;
     // Nothing that cannot fill a ring of the expected size is worth comparing. Clutter ends the search.
-    while let Ok(Some((hole, ring))) = components.next_ring(0.5 * expected / (ratio * most)) {
-        if !ring.encloses(&hole)
-            || ring.touches_edge(size)
-            || distance(ring.centroid_without(&hole), hole.centroid()) > settings.max_centroid_distance_px
+    while let Ok(Some((hole, dark))) = components.next_ring(bits, 0.5 * expected / (ratio * most)) {
+        if !dark.encloses(&hole)
+            || dark.touches_edge(size)
+            || distance(dark.centroid(), hole.centroid()) > settings.max_centroid_distance_px
         {
             continue;
         }
         // From here on there is something like a ring.
+        let ring = dark.and(&hole);
         let (filled, area) = (f64::from(ring.area), f64::from(hole.area));
         let (centre, shape) = (ring.centroid(), ring.moments());
         let closed = filled / (area * ratio);

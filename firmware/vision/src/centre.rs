@@ -24,7 +24,10 @@ use crate::{Refusal, Ring, Search, Settings};
 /// white.
 const MARGIN: f64 = 4.0;
 
-/// A bin of the profile that is darker than the white by more than this share of the contrast is no longer white.
+/// White to which the profile is fitted, px: dark beyond the margin is blurred less far in.
+const FITTED: f64 = 2.5;
+
+/// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer white.
 const NO_LONGER_WHITE: f64 = 0.02;
 
 /// Rows through a ring that make its profile at the least, out of every second one.
@@ -32,6 +35,10 @@ const PROFILE_ROWS: f64 = 12.0;
 
 /// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.
 const CLIPPED: f64 = 0.01;
+/// Of a ring under clipped white, what is brighter than this short of full scale is left out; and where its white is
+/// looked for from, share of full scale.
+const NEARLY_CLIPPED: f64 = 0.03;
+const CLIPPED_WHITE: f64 = 1.2;
 /// Black above this share of full scale under saturated white: too little of the edges is left.
 const MAX_BLACK: f64 = 0.5;
 
@@ -44,17 +51,20 @@ const BELT: f64 = 0.85;
 const SLACK_PX: f64 = 0.1;
 
 /// A step of the centre below this, px, is the last: what the profile's errors make of it is a twentieth or less.
-const SMALL_STEP_PX: f64 = 0.1;
+const SMALL_STEP_PX: f64 = 0.05;
 
 /// Most passes over all rows, and largest step of the last one, px: beyond it they did not converge.
 const PASSES: usize = 3;
 const LAST_STEP_PX: f64 = 0.1;
 
 /// Bounds of a whole ring on what [`Fit`] holds, beyond what noise makes likely: coding artefacts and motion within the
-/// exposure take up to 0.25 px, 0.12 px and 0.1, a hidden piece of edge that moves the centre by 0.2 px takes more.
-const MAX_APART_PX: f64 = 0.25;
+/// exposure take up to 0.22 px, 0.12 px and 0.1, a hidden piece of edge that moves the centre by 0.2 px takes more.
+const MAX_APART_PX: f64 = 0.22;
 const MAX_THIRD_PX: f64 = 0.12;
 const MAX_RESIDUAL: f64 = 0.2;
+
+/// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part looks so.
+const MAX_TILT: f64 = 0.06;
 
 /// Standard deviations of noise that are let pass.
 const SIGMAS: f64 = 4.0;
@@ -83,7 +93,7 @@ pub(crate) fn measure(
 ) -> Result<(Ring, Light), Refusal> {
     let (rect, mut model) = rough(frame, window, candidate, levels, search)?;
     let full = f64::from(full_scale(frame));
-    let lean = start(frame, workspace, rect, &mut model, full)?;
+    let start = start(frame, workspace, rect, &mut model, full)?;
     let radial = model.radial;
     if radial.contrast < settings.min_contrast * full {
         return Err(Refusal::LowContrast);
@@ -94,19 +104,20 @@ pub(crate) fn measure(
         from: (radial.inner - width).max(0.0),
         to: radial.inner + width,
         again: radial.outer - width,
-        end: radial.outer + width,
+        end: (radial.outer + width).min(start.white_end),
     };
     workspace.patch.take(frame, rect, model.centre, model.shape, &belts, 1);
-    let fit = converge(&workspace.patch, &mut model, full, &lean)?;
+    let fit = converge(&workspace.patch, &mut model, full, &start)?;
     fit.check(radial.contrast)?;
-    // The projective bias of an edge grows with its radius squared; the two count by their information.
-    let inner_bias = 1.0 / (search.ratio * search.ratio);
-    let share = radial.outer_share();
-    let bias = search.bias.map(|bias| bias * (share + inner_bias * (1.0 - share)));
-    let by_slope = lean.pull * lean.pull * lean.variance * fit.variance;
+    let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
+    // Written so that a NaN is refused too.
+    if !(tilt * radial.outer <= MAX_TILT * radial.white) {
+        return Err(Refusal::Outline);
+    }
+    let by_slope = fit.pull * fit.pull * fit.slope_square;
     let ring = Ring {
         centre: Centre {
-            at: [0, 1].map(|i| model.centre[i] - bias[i]),
+            at: model.centre,
             covariance: model.shape.map(|moment| moment * (fit.square + by_slope)),
         },
         diameter_px: 2.0 * radial.outer,
@@ -117,8 +128,8 @@ pub(crate) fn measure(
     };
     let light = Light {
         slope: model.gradient_out_of_circle(model.slope).map(|slope| slope / radial.white),
-        variance: lean.variance * fit.variance / (radial.white * radial.white),
-        pull: model.shape.map(|moment| moment * lean.pull * radial.white),
+        variance: fit.slope_square / (radial.white * radial.white),
+        pull: model.shape.map(|moment| moment * fit.pull * radial.white),
         by_slope: model.shape.map(|moment| moment * by_slope),
     };
     Ok((ring, light))
@@ -153,7 +164,21 @@ fn rough(
         blur: FIRST_BLUR,
     };
     let shape = [uu / root, uv / root, vv / root];
-    Ok((rect, Model { centre, shape, radial, slope: [0.0; 2] }))
+    let mut model = Model { centre, shape, radial, slope: [0.0; 2], bias: [[0.0; 2]; 2] };
+    // The candidate's centre is that of its outer edge.
+    model.centre = [0, 1].map(|i| centre[i] - search.bias[i]);
+    let bias = model.into_circle(search.bias);
+    model.bias = [bias, bias.map(|bias| bias / (search.ratio * search.ratio))];
+    Ok((rect, model))
+}
+
+/// What the profile of some rows says beside the model.
+struct Start {
+    lean: Lean,
+    /// Radius up to which it is white around the ring, px.
+    white_end: f64,
+    /// Level from which on the model is saturated.
+    saturated: f64,
 }
 
 /// Levels, radii, blur, slope and a better centre by the radial profile of some rows.
@@ -163,36 +188,40 @@ fn start(
     rect: Rect,
     model: &mut Model,
     full: f64,
-) -> Result<Lean, Refusal> {
+) -> Result<Start, Refusal> {
     let Workspace { patch, profile } = workspace;
     let end = model.radial.outer + MARGIN;
     let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(2);
     patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), every);
     profile.clear(end);
-    Kernel::new(model, patch.origin(), full).collect(patch, profile);
+    Kernel::new(model, patch.origin(), full, f64::INFINITY).collect(patch, profile);
     profile.close();
     // A fifth of the window is as bright as this: its white is clipped.
     let clipped = model.radial.white > (1.0 - CLIPPED) * full;
+    let saturated = if clipped { (1.0 - NEARLY_CLIPPED) * full } else { f64::INFINITY };
     if clipped {
-        model.radial.white = full;
         if model.radial.white - model.radial.contrast > MAX_BLACK * full {
             return Err(Refusal::Saturated);
         }
+        model.radial.contrast += CLIPPED_WHITE * full - model.radial.white;
+        model.radial.white = CLIPPED_WHITE * full;
     }
-    model.radial = profile.fit(&model.radial, clipped).ok_or(Refusal::Outline)?;
-    profile.end_at_dark(&model.radial, NO_LONGER_WHITE);
-    let mut lean = profile.lean(&model.radial);
-    if clipped {
-        lean.slope = [0.0; 2];
-    }
+    model.radial =
+        profile.fit(&model.radial, model.radial.outer + FITTED, saturated).ok_or(Refusal::Outline)?;
+    let white_end = profile.end_at_dark(&model.radial, NO_LONGER_WHITE);
+    let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
+    let lean = profile.lean(&model.radial, white_from, saturated);
     // Written so that a NaN is refused too.
-    if !(libm::hypot(lean.step[0], lean.step[1]) < 2.0 && lean.variance >= 0.0) {
+    if !(libm::hypot(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
     }
-    let step = model.out_of_circle(lean.step);
+    // The profile's centre is that of both edges together.
+    let share = model.radial.outer_share();
+    let seen = [0, 1].map(|i| share * model.bias[0][i] + (1.0 - share) * model.bias[1][i]);
+    let step = model.out_of_circle([lean.step[0] - seen[0], lean.step[1] - seen[1]]);
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
-    model.slope = lean.slope;
-    Ok(lean)
+    model.slope = lean.white_slope;
+    Ok(Start { lean, white_end, saturated })
 }
 
 /// What the last pass found.
@@ -201,6 +230,9 @@ struct Fit {
     step: [f64; 2],
     /// Variance of the centre in the circle's plane, for a slope that is known, px^2.
     square: f64,
+    /// How far the centre follows a slope that is thought too small by 1, px, and that slope's variance.
+    pull: f64,
+    slope_square: f64,
     /// Variance of the noise at the edges.
     variance: f64,
     /// Mean square residual there.
@@ -227,22 +259,36 @@ impl Fit {
 }
 
 /// Passes over all rows until the centre stays.
-fn converge(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit, Refusal> {
-    let mut fit = pass(patch, model, full, lean)?;
+fn converge(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fit, Refusal> {
+    let mut fit = pass(patch, model, full, start)?;
     for _ in 1..PASSES {
         if libm::hypot(fit.step[0], fit.step[1]) < SMALL_STEP_PX {
             break;
         }
-        fit = pass(patch, model, full, lean)?;
+        fit = pass(patch, model, full, start)?;
     }
     Ok(fit)
 }
 
-/// One pass: corrects the centre, for a slope that is known.
-fn pass(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit, Refusal> {
+/// One pass: corrects centre and slope.
+fn pass(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fit, Refusal> {
     let mut sum = [Lanes::ZERO; SUMS];
-    Kernel::new(model, patch.origin(), full).fit(patch, &mut sum);
-    let [outer_x, outer_y, inner_x, inner_y, square, noise, cosine, sine] = sum.map(Lanes::sum);
+    Kernel::new(model, patch.origin(), full, start.saturated).fit(patch, &mut sum);
+    let lean = &start.lean;
+    let [
+        outer_x,
+        outer_y,
+        inner_x,
+        inner_y,
+        square,
+        noise,
+        cosine,
+        sine,
+        slope_x,
+        slope_y,
+        cross,
+        slope_square,
+    ] = sum.map(Lanes::sum);
     if square < 1.0 {
         return Err(Refusal::Outline);
     }
@@ -251,7 +297,21 @@ fn pass(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit,
     let radial = &model.radial;
     let per_px = radial.peak();
     let scale = 2.0 / (square * per_px);
-    let step = model.out_of_circle([(inner_x - outer_x) * scale, (inner_y - outer_y) * scale]);
+    // The slope is told by these pixels and by the white beyond them.
+    let (information, cross) = (0.5 * square * per_px * per_px, -0.5 * cross * per_px);
+    let slope_information = 0.5 * slope_square + lean.white_information;
+    let determinant = information * slope_information - cross * cross;
+    // Written so that a NaN is refused too.
+    if !(determinant > 0.0) {
+        return Err(Refusal::Outline);
+    }
+    let side = [(inner_x - outer_x) * per_px, (inner_y - outer_y) * per_px];
+    let slope_side = [slope_x, slope_y];
+    let slope_side =
+        [0, 1].map(|i| slope_side[i] + lean.white_information * (lean.white_slope[i] - model.slope[i]));
+    let step = [0, 1].map(|i| (slope_information * side[i] - cross * slope_side[i]) / determinant);
+    let slope = [0, 1].map(|i| (information * slope_side[i] - cross * side[i]) / determinant);
+    let step = model.out_of_circle(step);
     let share = radial.outer_share();
     let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
     let inner = model.out_of_circle([inner_x * scale / (1.0 - share), inner_y * scale / (1.0 - share)]);
@@ -261,12 +321,15 @@ fn pass(patch: &Patch, model: &mut Model, full: f64, lean: &Lean) -> Result<Fit,
     let residual = noise / square / (1.0 - 2.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
     let variance = lean.misfit.noise(residual).max(1.0 / 12.0);
-    let circle = 2.0 * variance / (square * per_px * per_px);
+    let circle = variance / information;
+    model.slope = [model.slope[0] + slope[0], model.slope[1] + slope[1]];
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     let sigma = libm::sqrt(circle);
     Ok(Fit {
         step,
         square: circle,
+        pull: cross / information,
+        slope_square: variance * information / determinant,
         variance,
         residual,
         apart: [

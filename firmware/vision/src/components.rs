@@ -2,8 +2,7 @@
 //! and second moments of each.
 //!
 //! A ring is a dark component about a bright one that does not touch the window's edge: a hole. So the outside is
-//! flooded first, a row of bits at a time; what it leaves is dark or in a hole, and of that the component about each
-//! hole is the filled ring.
+//! flooded first, a row of bits at a time; what it leaves are the holes, and the dark around each is flooded in turn.
 
 use crate::MAX_SIDE;
 use crate::bits::{Bits, WORDS};
@@ -59,10 +58,15 @@ impl Part {
         self.sums.map(|sum| f64::from(sum) / area)
     }
 
-    /// Centroid of what is left without a part of it.
-    pub(crate) fn centroid_without(&self, part: &Self) -> [f64; 2] {
-        let area = f64::from(self.area.saturating_sub(part.area).max(1));
-        [0, 1].map(|i| f64::from(self.sums[i].saturating_sub(part.sums[i])) / area)
+    /// This and another one together.
+    pub(crate) fn and(&self, other: &Self) -> Self {
+        Self {
+            area: self.area + other.area,
+            sums: [0, 1].map(|i| self.sums[i] + other.sums[i]),
+            squares: [0, 1, 2].map(|i| self.squares[i] + other.squares[i]),
+            low: [0, 1].map(|i| self.low[i].min(other.low[i])),
+            high: [0, 1].map(|i| self.high[i].max(other.high[i])),
+        }
     }
 
     /// Second central moments (uu, uv, vv) over the area.
@@ -110,8 +114,6 @@ enum Reach {
 pub(crate) struct Components {
     /// Bright pixels that are not outside; those looked at are taken out.
     holes: [Row; MAX_SIDE],
-    /// All pixels that are not outside.
-    filled: [Row; MAX_SIDE],
     /// The component that is being flooded.
     region: [Row; MAX_SIDE],
     width: usize,
@@ -121,7 +123,7 @@ pub(crate) struct Components {
 impl Components {
     pub(crate) const fn new() -> Self {
         let rows = [[0; WORDS]; MAX_SIDE];
-        Self { holes: rows, filled: rows, region: rows, width: 0, height: 0 }
+        Self { holes: rows, region: rows, width: 0, height: 0 }
     }
 
     /// Floods the outside of the bright pixels of `bits`: all that reach the window's edge.
@@ -153,11 +155,9 @@ impl Components {
             put(outside, &fill(&edge, &bright));
         }
         self.flood_outside::<N>()?;
-        let rows = self.holes.iter_mut().zip(&mut self.filled).zip(&self.region);
-        for ((hole, filled), outside) in rows.take(self.height) {
+        for (hole, outside) in self.holes.iter_mut().zip(&self.region).take(self.height) {
             for i in 0..N {
                 hole[i] &= !outside[i];
-                filled[i] = inside[i] & !outside[i];
             }
         }
         Ok(())
@@ -184,24 +184,29 @@ impl Components {
         Err(Clutter)
     }
 
-    /// The next hole of at least `least` pixels, from the top, and the dark component around it with all its holes.
-    pub(crate) fn next_ring(&mut self, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
+    /// The next hole of at least `least` pixels, from the top, and the dark component around it.
+    pub(crate) fn next_ring(&mut self, bits: &Bits, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
         match self.words() {
-            1 => self.next_ring_in::<1>(least),
-            2 => self.next_ring_in::<2>(least),
-            _ => self.next_ring_in::<WORDS>(least),
+            1 => self.next_ring_in::<1>(bits, least),
+            2 => self.next_ring_in::<2>(bits, least),
+            _ => self.next_ring_in::<WORDS>(bits, least),
         }
     }
 
-    fn next_ring_in<const N: usize>(&mut self, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
+    fn next_ring_in<const N: usize>(
+        &mut self,
+        bits: &Bits,
+        least: f64,
+    ) -> Result<Option<(Part, Part)>, Clutter> {
         for _ in 0..MAX_HOLES {
             let Some((x, y)) = first_pixel::<N>(&self.holes, self.height) else { return Ok(None) };
             let bright = self.take_part::<N>((x, y), Reach::Sides)?;
             if f64::from(bright.area) < least {
                 continue;
             }
-            let filled = self.filled.get(..self.height).unwrap_or_default();
-            let rows = flood::<N>(filled, &mut self.region, (x, y), Reach::Diagonals)?;
+            // The pixel to the left of a hole's first one is dark and around the hole.
+            let Some(left) = x.checked_sub(1) else { continue };
+            let rows = flood::<N>(bits.rows(), &mut self.region, (left, y), Reach::Diagonals)?;
             return Ok(Some((bright, part::<N>(&self.region, rows))));
         }
         Err(Clutter)
@@ -428,33 +433,15 @@ mod tests {
     /// Area and first moments.
     type Sums = (u32, u32, u32);
 
-    /// Every ring's hole and filled component.
+    /// Every ring's hole and dark component.
     fn rings(bits: &Bits) -> Result<Vec<[Sums; 2]>, Clutter> {
         let mut components = Box::new(Components::new());
         components.find(bits)?;
         let mut out = Vec::new();
-        while let Some((hole, filled)) = components.next_ring(0.0)? {
-            out.push([hole, filled].map(|part| (part.area, part.sums[0], part.sums[1])));
+        while let Some((hole, dark)) = components.next_ring(bits, 0.0)? {
+            out.push([hole, dark].map(|part| (part.area, part.sums[0], part.sums[1])));
         }
         Ok(out)
-    }
-
-    /// The bright pixels that are connected with the edge, by asking again and again.
-    fn outside(width: usize, height: usize, bits: &Bits) -> Vec<bool> {
-        let mut outside = std::vec![false; width * height];
-        loop {
-            let before = outside.clone();
-            for i in 0..width * height {
-                let (x, y) = (i % width, i / width);
-                let edge = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
-                let near = |by: usize| outside[by];
-                outside[i] = !bits.get(x, y)
-                    && (edge || near(i - 1) || near(i + 1) || near(i - width) || near(i + width));
-            }
-            if outside == before {
-                return outside;
-            }
-        }
     }
 
     fn check(plane: &Plane) {
@@ -465,10 +452,8 @@ mod tests {
         let bright = flood(width, height, |x, y| !bits.get(x, y), false);
         let mut holes: Vec<_> = bright.iter().filter(|c| !c.3).map(|&(a, x, y, _)| (a, x, y)).collect();
         let mut found = rings(&bits).unwrap();
-        let outside: Vec<bool> = outside(width, height, &bits);
-        let filled = flood(width, height, |x, y| !outside[y * width + x], true);
         for [_, around] in &found {
-            assert!(filled.iter().any(|&(a, x, y, _)| (a, x, y) == *around), "{around:?}");
+            assert!(dark.iter().any(|&(a, x, y, _)| (a, x, y) == *around), "{around:?}");
         }
         found.sort_unstable();
         holes.sort_unstable();
@@ -525,6 +510,20 @@ mod tests {
     }
 
     #[test]
+    fn a_ring_on_a_sheet_with_dark_around_it_is_found() {
+        let radius = |x: usize, y: usize| (x as f64 - 20.0).hypot(y as f64 - 20.0);
+        let dark = |x: usize, y: usize| radius(x, y) > 16.0 || (5.0..10.0).contains(&radius(x, y));
+        let mut bits = Bits::new();
+        bits.pack(&Plane::from_fn(41, 41, |x, y| if dark(x, y) { 9 } else { 200 }), 128);
+        let mut components = Box::new(Components::new());
+        components.find(&bits).unwrap();
+        let found: Vec<_> = core::iter::from_fn(|| components.next_ring(&bits, 1.0).unwrap()).collect();
+        // The white of the sheet is a hole in the dark, and the ring's own disc is one in the ring.
+        assert_eq!(found.len(), 2);
+        assert!(found[0].1.touches_edge([41, 41]) && !found[1].1.touches_edge([41, 41]));
+    }
+
+    #[test]
     fn moments_are_those_of_the_pixels() {
         let radius = |x: usize, y: usize| (x as f64 - 20.3).hypot(y as f64 - 17.8);
         let plane = Plane::from_fn(40, 36, |x, y| if (4.0..9.5).contains(&radius(x, y)) { 0 } else { 255 });
@@ -532,11 +531,11 @@ mod tests {
         bits.pack(&plane, 128);
         let mut components = Box::new(Components::new());
         components.find(&bits).unwrap();
-        let (hole, filled) = components.next_ring(1.0).unwrap().unwrap();
-        assert!(filled.encloses(&hole) && !hole.encloses(&filled));
+        let (hole, dark) = components.next_ring(&bits, 1.0).unwrap().unwrap();
+        assert!(dark.encloses(&hole) && !hole.encloses(&dark));
+        let filled = dark.and(&hole);
+        assert_eq!((filled.low, filled.high), (dark.low, dark.high));
         let (area, centre, moments) = (f64::from(filled.area), filled.centroid(), filled.moments());
-        let ring = filled.centroid_without(&hole);
-        assert!((ring[0] - 20.3).abs() < 0.1 && (ring[1] - 17.8).abs() < 0.1, "{ring:?}");
         let pixels = || (0..36 * 40).map(|i| (i % 40, i / 40)).filter(|&(x, y)| radius(x, y) < 9.5);
         let count = pixels().count() as f64;
         let mean =

@@ -14,6 +14,9 @@ pub(crate) struct Model {
     pub(crate) radial: Radial,
     /// Slope of the white in the circle's plane, a px.
     pub(crate) slope: [f64; 2],
+    /// How far perspective moves the outer and the inner edge from the circle's centre, in the circle's plane, px: it
+    /// grows with their radius squared (thesis 3.2.4). Slope and centre could not be told apart without it.
+    pub(crate) bias: [[f64; 2]; 2],
 }
 
 impl Model {
@@ -25,6 +28,12 @@ impl Model {
         [(vv + 1.0) * scale, -uv * scale, (uu + 1.0) * scale]
     }
 
+    /// A step in the picture as one in the circle's plane.
+    pub(crate) fn into_circle(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [uu, uv, vv] = self.root();
+        [uu * u + uv * v, uv * u + vv * v]
+    }
+
     /// A step in the circle's plane as one in the picture.
     pub(crate) fn out_of_circle(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         // The inverse of a symmetric matrix of determinant 1.
@@ -33,9 +42,9 @@ impl Model {
     }
 
     /// A gradient in the circle's plane as one in the picture.
-    pub(crate) fn gradient_out_of_circle(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [uu, uv, vv] = self.root();
-        [uu * x + uv * y, uv * x + vv * y]
+    pub(crate) fn gradient_out_of_circle(&self, gradient: [f64; 2]) -> [f64; 2] {
+        // The transpose of `into_circle`, which is symmetric.
+        self.into_circle(gradient)
     }
 }
 
@@ -59,6 +68,8 @@ struct Pixels {
     /// How much the value changes as the outer and the inner edge move outwards, over the greatest such change.
     outer: Column,
     inner: Column,
+    /// How much it grows with the white.
+    by_white: Column,
 }
 
 /// A model ring made ready for the pixels of a patch: single numbers that loops over a block take as they are.
@@ -72,25 +83,34 @@ pub(crate) struct Kernel {
     per_width: f32,
     white: f32,
     slope: [f32; 2],
+    outer_bias: [f32; 2],
+    inner_bias: [f32; 2],
     /// White less black, share of white.
     depth: f32,
-    /// Values above this are saturated.
-    clipped: f32,
+    /// Values above this are no samples, and where the model is above the other the sensor is saturated.
+    most: f32,
+    saturated: f32,
+    /// How much narrower than its mean an edge is, by its direction: the picture's blur is round, but in the circle's
+    /// plane it is not.
+    narrow: [f32; 3],
 }
 
 /// How far samples are moved from the edges for each step that they are beyond saturation, px.
 const FAR: f32 = 1e4;
 
 /// Sums of the fit.
-pub(crate) const SUMS: usize = 8;
+pub(crate) const SUMS: usize = 12;
 
 /// Columns of a run's pixels from its first one.
 const STEPS: Lanes = Lanes::of([0.0, 1.0, 2.0, 3.0]);
 
 impl Kernel {
-    /// For a patch from `origin`, with samples up to `full`.
-    pub(crate) fn new(model: &Model, origin: [f64; 2], full: f64) -> Self {
+    /// For a patch from `origin`, with samples up to `full`; what the model makes brighter than `saturated` says nothing.
+    pub(crate) fn new(model: &Model, origin: [f64; 2], full: f64, saturated: f64) -> Self {
         let radial = &model.radial;
+        // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the inverse of
+        // the shape; 1 / sqrt(g) is 3/2 - g/2 about 1.
+        let [uu, uv, vv] = model.shape;
         Self {
             centre: [0, 1].map(|i| (model.centre[i] - origin[i]) as f32),
             root: model.root().map(|x| x as f32),
@@ -99,8 +119,12 @@ impl Kernel {
             per_width: (1.0 / radial.half_width()) as f32,
             white: radial.white as f32,
             slope: model.slope.map(|x| x as f32),
+            outer_bias: model.bias[0].map(|x| x as f32),
+            inner_bias: model.bias[1].map(|x| x as f32),
             depth: (radial.contrast / radial.white) as f32,
-            clipped: (full - 0.5) as f32,
+            most: (full + 0.5) as f32,
+            saturated: saturated as f32,
+            narrow: [1.5 - 0.5 * vv, uv, 1.5 - 0.5 * uu].map(|x| x as f32),
         }
     }
 
@@ -125,17 +149,25 @@ impl Kernel {
     #[inline(never)]
     fn compare(&self, (_, _, values): Block, places: &Places, pixels: &mut Pixels) {
         for (i, &value) in values.iter().enumerate() {
-            // Saturated samples say nothing, as if they were far from any edge.
-            let over = value - self.clipped;
+            let (x, y) = (places.x[i] * places.per_radius[i], places.y[i] * places.per_radius[i]);
+            // What fills up runs says nothing, as if it were far from any edge.
+            let over = value - self.most;
             let over = if over > 0.0 { over } else { 0.0 };
             let radius = places.radius[i] + over * FAR;
-            let (outer, outer_sum) = edge((radius - self.outer) * self.per_width);
-            let (inner, inner_sum) = edge((radius - self.inner) * self.per_width);
+            let narrow = self.narrow[0] * x * x + self.narrow[1] * x * y + self.narrow[2] * y * y;
+            let per_width = self.per_width * narrow;
+            let outer_bias = self.outer_bias[0] * x + self.outer_bias[1] * y;
+            let inner_bias = self.inner_bias[0] * x + self.inner_bias[1] * y;
+            let (outer, outer_sum) = edge((radius - self.outer - outer_bias) * per_width);
+            let (inner, inner_sum) = edge((radius - self.inner - inner_bias) * per_width);
             let by_white = 1.0 - self.depth * (inner_sum - outer_sum);
             let white = self.white + self.slope[0] * places.x[i] + self.slope[1] * places.y[i];
-            pixels.residual[i] = value - white * by_white;
-            pixels.outer[i] = outer;
-            pixels.inner[i] = inner;
+            let model = white * by_white;
+            let counts = if model + over * FAR < self.saturated { 1.0 } else { 0.0 };
+            pixels.residual[i] = value - model;
+            pixels.outer[i] = outer * counts;
+            pixels.inner[i] = inner * counts;
+            pixels.by_white[i] = by_white * counts;
         }
     }
 
@@ -148,11 +180,12 @@ impl Kernel {
         }
     }
 
-    /// Sums over the pixels of a patch for the centre by either edge, the noise and the outer edge's third harmonic.
+    /// Sums over the pixels of a patch for the centre by either edge, the noise, the outer edge's third harmonic and
+    /// the slope.
     pub(crate) fn fit(&self, patch: &Patch, sum: &mut [Lanes; SUMS]) {
         let mut places = Places::new();
         let zero = [0.0; BLOCK];
-        let mut pixels = Pixels { residual: zero, outer: zero, inner: zero };
+        let mut pixels = Pixels { residual: zero, outer: zero, inner: zero, by_white: zero };
         for block in patch.blocks() {
             self.locate(block, &mut places);
             self.compare(block, &places, &mut pixels);
@@ -190,6 +223,13 @@ fn add(places: &Places, pixels: &Pixels, sum: &mut [Lanes; SUMS]) {
         sum[5] += steep_residual * steep_residual;
         sum[6] += outer_x - outer_y * four_xy;
         sum[7] += outer_x * four_xy - outer_y;
+        let by_white = at(&pixels.by_white);
+        let white_residual = by_white * residual;
+        let slope = by_white * at(&places.radius);
+        sum[8] += white_residual * at(&places.x);
+        sum[9] += white_residual * at(&places.y);
+        sum[10] += steep * slope;
+        sum[11] += slope * slope;
     }
 }
 

@@ -23,9 +23,6 @@ const CELLS: usize = QUADRANTS * RINGS;
 /// Radii beyond this are taken for it, px: no ring in a window is as large.
 const FARTHEST_PX: f32 = 120.0;
 
-/// Variance that the mixed radii of a cell make of the steepest profile, in variances of usual noise.
-const MIXED: f32 = 4.0;
-
 /// Values above this are no samples.
 const MOST: f32 = 65_536.0;
 
@@ -44,6 +41,9 @@ const PASSES: usize = 3;
 
 /// A pass with steps below this, px, is the last: the next one's would be of their square.
 const SMALL_STEP_PX: f64 = 0.25;
+
+/// Share of an edge's half width from which on dark beyond the white is told from the edge.
+const SEEN: f64 = 0.3;
 
 /// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring can hardly
 /// be told apart, and need not be.
@@ -89,11 +89,10 @@ impl Radial {
 pub(crate) struct Lean {
     /// What is to be added to the centre, in the circle's plane, px.
     pub(crate) step: [f64; 2],
-    /// Slope of the white along x and y, a px, and its variance for noise of variance 1.
-    pub(crate) slope: [f64; 2],
-    pub(crate) variance: f64,
-    /// How far the centre follows a slope that is thought too great by 1, in the circle's plane, px.
-    pub(crate) pull: f64,
+    /// Slope of the white along x and y, a px, as the white around the ring tells it, and the information in it: one over
+    /// its variance for noise of variance 1.
+    pub(crate) white_slope: [f64; 2],
+    pub(crate) white_information: f64,
     pub(crate) misfit: Misfit,
 }
 
@@ -110,8 +109,8 @@ pub(crate) struct Misfit {
 impl Misfit {
     /// The variance of the noise alone in a mean square residual.
     pub(crate) fn noise(&self, square: f64) -> f64 {
-        // At least half of it: bins of few pixels tell little.
-        ((square - self.square) / (1.0 - self.noise_share)).max(0.5 * square)
+        // At least a tenth of it: nothing is without noise.
+        ((square - self.square) / (1.0 - self.noise_share)).max(0.1 * square)
     }
 }
 
@@ -195,21 +194,22 @@ impl Profile {
         }
     }
 
-    /// Fits levels, radii and blur, from a start. With `known_white` the white stays. `None` where the pixels do not
-    /// determine a ring.
-    pub(crate) fn fit(&self, start: &Radial, known_white: bool) -> Option<Radial> {
+    /// Fits levels, radii and blur to the bins up to `end` px that are darker than `saturated`, from a start. `None`
+    /// where the pixels do not determine a ring.
+    pub(crate) fn fit(&self, start: &Radial, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
         let mut terms = Terms { rows: [zero; EVEN], counted: [zero; EVEN], residual: zero };
         for _ in 0..PASSES {
             let mut sums = [Lanes::ZERO; EVEN_SUMS];
             let kernel = Kernel::new(&radial);
+            let limits = (end as f32, saturated as f32);
             let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
             for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
-                kernel.compare(radius, value, count, &mut terms);
+                kernel.compare((radius, value, count), limits, &mut terms);
                 add_products(&terms, &mut sums);
             }
-            let step = solve(&sums.map(Lanes::sum), known_white)?;
+            let step = solve(&sums.map(Lanes::sum))?;
             let bounded = |step: f64| step.clamp(-LARGEST_STEP_PX, LARGEST_STEP_PX);
             radial.white += step[0];
             radial.contrast += step[1];
@@ -227,13 +227,14 @@ impl Profile {
         Some(radial)
     }
 
-    /// What the sides say of centre and slope, for a profile that is known.
-    pub(crate) fn lean(&self, radial: &Radial) -> Lean {
+    /// What the sides say of centre and slope, for a profile that is known. White counts from a radius on, px, and all
+    /// that is below a level of saturation.
+    pub(crate) fn lean(&self, radial: &Radial, white_from: f64, saturated: f64) -> Lean {
         let kernel = Kernel::new(radial);
-        let mut sums = Sides { squares: [Lanes::ZERO; 5], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
+        let mut sums = Sides { squares: [Lanes::ZERO; 3], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
         let mut rings = Rings::new();
         for first in (0..2 * self.used).step_by(BLOCK) {
-            kernel.weigh_rings(first, &mut rings);
+            kernel.weigh_rings(first, (white_from, saturated), &mut rings);
             for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
                 if let Some(cells) = block(cells, first) {
                     add_sides(cells, &rings, quadrant, &mut sums.squares);
@@ -242,16 +243,13 @@ impl Profile {
         }
         // Half of the squared directions lie along x, half along y.
         let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
-        let [square, cross, slope_square, all_square, all_cross] = sums.squares.map(|sum| 0.5 * sum.sum());
-        let (square, cross) = (square * per_px * per_px, cross * per_px);
-        let determinant = square * slope_square - cross * cross;
-        let [steep, slope] = [0, 1].map(|k| sides(&sums.quadrants.map(|quadrant| quadrant[k].sum())));
-        let steep = steep.map(|side| side * per_px);
+        let [square, cross, white_square] = sums.squares.map(|sum| 0.5 * sum.sum());
+        let [steep, white] = [0, 1].map(|k| sides(&sums.quadrants.map(|quadrant| quadrant[k].sum())));
+        let white_slope = white.map(|side| side / white_square.max(1.0));
         Lean {
-            step: [0, 1].map(|i| (slope_square * steep[i] - cross * slope[i]) / determinant),
-            slope: [0, 1].map(|i| (square * slope[i] - cross * steep[i]) / determinant),
-            variance: square / determinant,
-            pull: all_cross / (all_square * per_px),
+            step: [0, 1].map(|i| (steep[i] - cross * white_slope[i]) / (square * per_px)),
+            white_slope,
+            white_information: white_square,
             misfit: self.misfit(&kernel),
         }
     }
@@ -267,49 +265,61 @@ impl Profile {
             add_misfit(count, &weight, &off, &mut sums);
         }
         let [misfit, weights, bins, squares] = sums.map(Lanes::sum);
+        // A cell's pixels are not all at its radius: to the mean of a bin that adds like noise.
+        let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
+        let mixed = per_px * per_px / (12.0 * f64::from(PER_PX * PER_PX));
         // As many bins as carry the weights, less the unknowns that were fitted to them.
         let carrying = bins * bins / squares;
         let free = (1.0 - EVEN as f64 / carrying).max(0.0);
-        Misfit { square: misfit / weights, noise_share: free * bins / weights }
+        Misfit { square: ((misfit - mixed * squares) / weights).max(0.0), noise_share: free * bins / weights }
     }
 
-    /// Forgets what lies beyond the white around the ring: the sheet's edge, a neighbour or a post makes a bin darker
-    /// by more than `share` of the contrast.
-    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) {
-        let from = (radial.outer + radial.half_width()) as f32;
-        let least = (radial.white - share * radial.contrast) as f32;
-        let bins = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used);
-        let mut dark = bins.map(|((radius, value), count)| *count > 0.0 && *radius > from && *value < least);
-        if let Some(first) = dark.position(|dark| dark) {
-            let rings = 2 * self.used;
-            for cells in self.quadrants_mut() {
-                // A bin less than seen: blur carries some of the dark further in.
-                cells.get_mut(2 * first.saturating_sub(1)..rings).unwrap_or_default().fill(0);
-            }
+    /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a post makes a
+    /// bin darker than the profile by more than `share` of the contrast. What white there is before it, less what blur
+    /// darkens unseen, stays in the cells.
+    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) -> f64 {
+        let kernel = Kernel::new(radial);
+        let most = (share * radial.contrast) as f32;
+        let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(0.5 * PER_PX)) as usize;
+        let columns = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used).skip(from);
+        let mut dark = columns.map(|((radius, value), count)| {
+            // Nearer to the edge the profile itself is less well known.
+            let (steep, _, covered) = kernel.at(*radius);
+            let most = most * (1.0 + 3.0 * steep);
+            *count > 0.0 && kernel.white - kernel.contrast * covered - *value > most
+        });
+        let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
+        let rings = 2 * self.used;
+        let first = 2 * (from + first);
+        let end = first.saturating_sub((2.0 * radial.blur * f64::from(PER_PX)) as usize);
+        self.count.get_mut(end / 2..self.used).unwrap_or_default().fill(0.0);
+        for cells in self.quadrants_mut() {
+            cells.get_mut(end..rings).unwrap_or_default().fill(0);
         }
+        first as f64 / f64::from(PER_PX) - 0.5 * radial.blur
     }
 }
 
-/// Sums of both sides: the weighted squares of steepness and slope (steepness, mixed, slope), the first two without
-/// weights, and for every quadrant weighted residuals times steepness and times slope.
+/// Sums of both sides: the squares of steepness and slope (steepness, mixed, slope of the white alone), and for every
+/// quadrant residuals times steepness and times slope of the white alone.
 struct Sides {
-    squares: [Lanes; 5],
+    squares: [Lanes; 3],
     quadrants: [[Lanes; 2]; QUADRANTS],
 }
 
 /// What a block of rings of cells has in common: the model's value, its change as centre and slope change, and the
-/// weight. A cell mixes pixels of different radii, so the steeper the profile the less it is to be trusted.
+/// latter in the white alone.
 struct Rings {
     model: Column,
     steep: Column,
     slope: Column,
-    weight: Column,
+    white: Column,
 }
 
 impl Rings {
     fn new() -> Self {
         let zero = [0.0; BLOCK];
-        Self { model: zero, steep: zero, slope: zero, weight: zero }
+        Self { model: zero, steep: zero, slope: zero, white: zero }
     }
 }
 
@@ -329,22 +339,19 @@ fn add_cells(cells: &[u32; BLOCK], counts: &mut [u32; BLOCK], values: &mut [u32;
 }
 
 #[inline(never)]
-fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 5]) {
+fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 3]) {
     for i in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, i);
         let count = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] / COUNT) as i32 as f32));
         let value = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] % COUNT) as i32 as f32));
-        let (steep, slope, weight) = (at(&rings.steep), at(&rings.slope), at(&rings.weight));
-        let residual = (value - count * at(&rings.model)) * weight;
+        let (steep, slope, white) = (at(&rings.steep), at(&rings.slope), at(&rings.white));
+        let residual = value - count * at(&rings.model);
         quadrant[0] += steep * residual;
-        quadrant[1] += slope * residual;
+        quadrant[1] += white * residual;
         let counted = steep * count;
-        let weighted = counted * weight;
-        squares[0] += weighted * steep;
-        squares[1] += weighted * slope;
-        squares[2] += slope * slope * count * weight;
-        squares[3] += counted * steep;
-        squares[4] += counted * slope;
+        squares[0] += counted * steep;
+        squares[1] += counted * slope;
+        squares[2] += white * white * count;
     }
 }
 
@@ -407,16 +414,18 @@ impl Kernel {
 
     /// What the rings of cells from number `first` on have in common.
     #[inline(never)]
-    fn weigh_rings(&self, first: usize, rings: &mut Rings) {
-        let depth = self.contrast / self.white;
+    fn weigh_rings(&self, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
+        let (depth, white_from, saturated) =
+            (self.contrast / self.white, white_from as f32, saturated as f32);
         for i in 0..BLOCK {
             let radius = (first + i) as i32 as f32 / PER_PX;
             let (outer, inner, covered) = self.at(radius);
-            let steep = inner - outer;
-            rings.model[i] = self.white - self.contrast * covered;
-            rings.steep[i] = steep;
-            rings.slope[i] = radius * (1.0 - depth * covered);
-            rings.weight[i] = 1.0 / (1.0 + MIXED * steep * steep);
+            let model = self.white - self.contrast * covered;
+            let counts = if model < saturated { 1.0 } else { 0.0 };
+            rings.model[i] = model;
+            rings.steep[i] = (inner - outer) * counts;
+            rings.slope[i] = radius * (1.0 - depth * covered) * counts;
+            rings.white[i] = if radius > white_from { rings.slope[i] } else { 0.0 };
         }
     }
 
@@ -440,7 +449,12 @@ impl Kernel {
 
     /// Not inlined: so the compiler makes one loop over whole vectors of it.
     #[inline(never)]
-    fn compare(&self, radius: &Column, value: &Column, count: &Column, terms: &mut Terms) {
+    fn compare(
+        &self,
+        (radius, value, count): (&Column, &Column, &Column),
+        (end, saturated): (f32, f32),
+        terms: &mut Terms,
+    ) {
         let per_px = self.contrast * PEAK as f32 * self.per_width;
         for i in 0..BLOCK {
             let (outer, inner, covered) = self.at(radius[i]);
@@ -452,8 +466,9 @@ impl Kernel {
             terms.rows[2][i] = by_outer;
             terms.rows[3][i] = by_inner;
             terms.rows[4][i] = width * self.per_width;
+            let count = if (radius[i] < end) & (value[i] < saturated) { count[i] } else { 0.0 };
             for k in 0..EVEN {
-                terms.counted[k][i] = terms.rows[k][i] * count[i];
+                terms.counted[k][i] = terms.rows[k][i] * count;
             }
             terms.residual[i] = value[i] - (self.white - self.contrast * covered);
         }
@@ -492,7 +507,7 @@ fn add_products(terms: &Terms, sums: &mut [Lanes; EVEN_SUMS]) {
 }
 
 /// Solves the normal equations by Cholesky's method without square roots.
-fn solve(sums: &[f64; EVEN_SUMS], known_white: bool) -> Option<[f64; EVEN]> {
+fn solve(sums: &[f64; EVEN_SUMS]) -> Option<[f64; EVEN]> {
     let mut matrix = [[0.0; EVEN]; EVEN];
     let mut right = [0.0; EVEN];
     let mut next = sums.iter();
@@ -501,10 +516,6 @@ fn solve(sums: &[f64; EVEN_SUMS], known_white: bool) -> Option<[f64; EVEN]> {
             matrix[k][j] = *next.next()?;
         }
         right[k] = *next.next()?;
-    }
-    if known_white {
-        matrix[0] = [1.0, 0.0, 0.0, 0.0, 0.0];
-        right[0] = 0.0;
     }
     let mut lower = [[0.0; EVEN]; EVEN];
     let mut pivots = [0.0; EVEN];

@@ -21,7 +21,7 @@ pub struct Search {
     /// how far their target has moved.
     pub confident: bool,
     /// Centroid of the projected outer disc minus projected centre, px (thesis 3.2.4), as far as the caller
-    /// knows it from the pose; it is taken off the answer. Zero where unknown.
+    /// knows it from the pose; the answer is without it. Zero where unknown.
     pub bias: [f64; 2],
 }
 

@@ -39,7 +39,7 @@ pub(crate) struct Picture {
 }
 
 /// Samples of a pixel either way.
-const FINE: usize = 6;
+const FINE: usize = 10;
 
 impl Picture {
     pub(crate) fn new(width: usize, height: usize, white: f64) -> Self {
