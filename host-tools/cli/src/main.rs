@@ -5,6 +5,7 @@
 mod decode;
 mod demo;
 mod evaluate;
+mod experiment;
 mod export;
 mod receive;
 mod send;
@@ -41,6 +42,8 @@ enum Command {
     Export(export::Args),
     /// Compare a session with the truth: table, pictures.
     Evaluate(evaluate::Args),
+    /// Simulate an experiment of the thesis and set our figures beside the published ones.
+    Experiment(experiment::Args),
     /// Send a command to a box and wait for its answer.
     Send(send::Args),
 }
@@ -66,6 +69,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args),
         Command::Export(args) => export::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Experiment(args) => experiment::run(args),
         Command::Send(args) => send::run(args),
     };
     match result {

@@ -13,7 +13,7 @@ use crate::{Usage, tell};
 /// Arguments of `gangway simulate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A built-in scene (rig, ride) or a scene file.
+    /// A built-in scene (rig, ride, 1a, 1b, 1c, 2b, 2c) or a scene file.
     scene: String,
     /// Directory for frames, truth.csv and setup.toml; made if need be.
     #[arg(long, value_name = "DIR", required_unless_present = "print")]
@@ -45,7 +45,8 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     let builtin = BUILTIN.iter().find(|(name, _)| *name == args.scene);
     let Some(out) = args.out.filter(|_| !args.print) else {
         let Some((_, text)) = builtin else {
-            bail!(Usage("--print takes the name of a built-in scene: rig, ride".to_owned()));
+            let names = BUILTIN.map(|(name, _)| name).join(", ");
+            bail!(Usage(format!("--print takes the name of a built-in scene: {names}")));
         };
         io::stdout().write_all(text.as_bytes())?;
         return Ok(());

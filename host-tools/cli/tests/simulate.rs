@@ -60,7 +60,10 @@ fn wrong_use_and_a_wrong_scene_have_their_exit_codes() {
     assert_eq!(gangway(&["ride", "--frames", "0", "--out", &out]).status.code(), Some(2));
     let output = gangway(&["moon", "--out", &out]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(error(&output).contains("there is no built-in scene `moon`, there are: rig, ride"));
+    assert!(
+        error(&output)
+            .contains("there is no built-in scene `moon`, there are: rig, ride, 1a, 1b, 1c, 2b, 2c")
+    );
     let output = gangway(&["no/such.toml", "--out", &out]);
     assert_eq!(output.status.code(), Some(1));
     assert!(error(&output).contains("no/such.toml: cannot be read:"), "{}", error(&output));

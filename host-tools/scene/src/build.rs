@@ -12,6 +12,7 @@ use crate::occluder::Occluder;
 use crate::optics::{Lens, Pose, Vec3, add, cross, dot, scale};
 use crate::plate::Plate;
 use crate::sensor::Sensor;
+use crate::tolerance::Tolerance;
 
 /// How far the given axes of a target may be from unit length and a right angle.
 const AXES_TOLERANCE: f64 = 1e-3;
@@ -34,6 +35,7 @@ pub(crate) struct Parts {
     pub(crate) plates: Vec<Plate>,
     pub(crate) motion: Motion,
     pub(crate) occluders: Vec<Occluder>,
+    pub(crate) tolerance: Tolerance,
 }
 
 /// The camera as the setup file tells it.
@@ -118,6 +120,7 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
         plates,
         motion: motion(file, table, rate_hz)?,
         occluders: occluders(file, size)?,
+        tolerance: tolerance(file)?,
     })
 }
 
@@ -131,6 +134,20 @@ fn sensor(file: &SceneFile) -> Result<Sensor, Mistake> {
         shot_noise: table.shot_noise.unwrap_or(true),
         gain: keys::GAIN.take("sensor", table.gain)?,
         black_level: keys::BLACK_LEVEL.take("sensor", table.black_level)?,
+    })
+}
+
+fn tolerance(file: &SceneFile) -> Result<Tolerance, Mistake> {
+    let table = &file.tolerance;
+    let at = "tolerance";
+    Ok(Tolerance {
+        print_mm: keys::PRINT.take(at, table.print_mm)?,
+        print_scale: 0.01 * keys::PRINT_SCALE.take(at, table.print_scale_percent)?,
+        mounting_mm: keys::MOUNTING.take(at, table.mounting_mm)?,
+        mounting_deg: keys::MOUNTING_TURN.take(at, table.mounting_deg)?,
+        focal: 0.01 * keys::FOCAL_ERROR.take(at, table.focal_percent)?,
+        principal: 0.01 * keys::PRINCIPAL_ERROR.take(at, table.principal_percent)?,
+        distortion: 0.01 * keys::DISTORTION_ERROR.take(at, table.distortion_percent)?,
     })
 }
 
@@ -290,6 +307,16 @@ fn motion(file: &SceneFile, table: Vec<Motions>, rate_hz: f64) -> Result<Motion,
         let from = after_rest(keys::TERM_START.take(&at, ramp.start_s)?, join(&at, "start_s"))?;
         let to = ordered(from, keys::TERM_END.take(&at, ramp.end_s)?, &at)?;
         terms.push((index(ramp.degree), Term::Ramp { size: keys::SIZE.take(&at, ramp.size)?, from, to }));
+    }
+    for (i, stairs) in tables.stairs.iter().enumerate() {
+        let at = format!("motion.stairs[{i}]");
+        let term = Term::Stairs {
+            size: keys::SIZE.take(&at, stairs.size)?,
+            steps: keys::STEPS.take_whole(&at, stairs.steps)?.into(),
+            start: after_rest(keys::TERM_START.take(&at, stairs.start_s)?, join(&at, "start_s"))?,
+            every: keys::EVERY.take(&at, stairs.every_s)?,
+        };
+        terms.push((index(stairs.degree), term));
     }
     Ok(Motion { rest_s, terms, table, rate_hz })
 }

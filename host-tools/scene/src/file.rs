@@ -25,6 +25,8 @@ pub(crate) struct SceneFile {
     pub(crate) background: BackgroundTable,
     pub(crate) target: Vec<TargetTable>,
     #[serde(default)]
+    pub(crate) tolerance: ToleranceTable,
+    #[serde(default)]
     pub(crate) motion: MotionTable,
     #[serde(default)]
     pub(crate) occluder: Vec<OccluderTable>,
@@ -114,6 +116,18 @@ pub(crate) struct TargetTable {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
+pub(crate) struct ToleranceTable {
+    pub(crate) print_mm: Option<f64>,
+    pub(crate) print_scale_percent: Option<f64>,
+    pub(crate) mounting_mm: Option<f64>,
+    pub(crate) mounting_deg: Option<f64>,
+    pub(crate) focal_percent: Option<f64>,
+    pub(crate) principal_percent: Option<f64>,
+    pub(crate) distortion_percent: Option<f64>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct MotionTable {
     pub(crate) rest_s: Option<f64>,
     pub(crate) csv: Option<String>,
@@ -123,6 +137,8 @@ pub(crate) struct MotionTable {
     pub(crate) step: Vec<StepTable>,
     #[serde(default)]
     pub(crate) ramp: Vec<RampTable>,
+    #[serde(default)]
+    pub(crate) stairs: Vec<StairsTable>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -164,6 +180,16 @@ pub(crate) struct RampTable {
     pub(crate) size: Option<f64>,
     pub(crate) start_s: Option<f64>,
     pub(crate) end_s: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StairsTable {
+    pub(crate) degree: Degree,
+    pub(crate) size: Option<f64>,
+    pub(crate) steps: Option<i64>,
+    pub(crate) start_s: Option<f64>,
+    pub(crate) every_s: Option<f64>,
 }
 
 #[derive(Deserialize)]

@@ -77,6 +77,15 @@ pub(crate) const SHEET: Number = required("sheet_mm", "mm", 1.0, 20_000.0);
 pub(crate) const WHITE: Number = optional("white", "", 0.85, 0.0, 1.0);
 pub(crate) const BLACK: Number = optional("black", "", 0.06, 0.0, 1.0);
 
+// [tolerance]
+pub(crate) const PRINT: Number = optional("print_mm", "mm", 0.0, 0.0, 10.0);
+pub(crate) const PRINT_SCALE: Number = optional("print_scale_percent", "%", 0.0, 0.0, 5.0);
+pub(crate) const MOUNTING: Number = optional("mounting_mm", "mm", 0.0, 0.0, 100.0);
+pub(crate) const MOUNTING_TURN: Number = optional("mounting_deg", "degrees", 0.0, 0.0, 10.0);
+pub(crate) const FOCAL_ERROR: Number = optional("focal_percent", "%", 0.0, 0.0, 5.0);
+pub(crate) const PRINCIPAL_ERROR: Number = optional("principal_percent", "% of the width", 0.0, 0.0, 5.0);
+pub(crate) const DISTORTION_ERROR: Number = optional("distortion_percent", "%", 0.0, 0.0, 50.0);
+
 // [motion]
 pub(crate) const REST: Number = optional("rest_s", "s", 0.4, 0.0, 1e6);
 pub(crate) const AMPLITUDE: Number = required("amplitude", "mm or degrees", -2000.0, 2000.0);
@@ -88,6 +97,8 @@ pub(crate) const RISE: Number = optional("rise_s", "s", 0.0, 0.0, 1e6);
 pub(crate) const TERM_AT: Number = required("at_s", "s", 0.0, 1e6);
 pub(crate) const TERM_START: Number = required("start_s", "s", 0.0, 1e6);
 pub(crate) const TERM_END: Number = required("end_s", "s", 0.0, 1e6);
+pub(crate) const STEPS: Number = required("steps", "", 1.0, 100_000.0);
+pub(crate) const EVERY: Number = required("every_s", "s", 0.001, 1e6);
 
 // [[occluder]] and [[post]]
 pub(crate) const OCCLUDER_SIZE: Number = required("size_px", "px", 0.0, 20_000.0);

@@ -30,11 +30,23 @@ mod scene;
 mod sensor;
 mod setup;
 mod table;
+mod tolerance;
 
 pub use error::SceneError;
 pub use output::{Format, Written};
 pub use scene::{Scene, Truth};
 
-/// The scenes that are built in: name and text.
-pub const BUILTIN: [(&str, &str); 2] =
-    [("rig", include_str!("../scenes/rig.toml")), ("ride", include_str!("../scenes/ride.toml"))];
+/// The scenes that are built in: name and text. After the two of every day come those of the thesis' experiments
+/// (chapter 5; 2a is `rig`).
+pub const BUILTIN: [(&str, &str); 7] = [
+    ("rig", include_str!("../scenes/rig.toml")),
+    ("ride", include_str!("../scenes/ride.toml")),
+    ("1a", include_str!("../scenes/1a.toml")),
+    ("1b", include_str!("../scenes/1b.toml")),
+    ("1c", include_str!("../scenes/1c.toml")),
+    ("2b", include_str!("../scenes/2b.toml")),
+    ("2c", include_str!("../scenes/2c.toml")),
+];
+
+/// The tolerances of the experiments as a table of a scene file, to follow the text of a scene that has none.
+pub const TOLERANCE: &str = include_str!("../scenes/tolerance.toml");

@@ -42,6 +42,18 @@ pub(crate) enum Term {
         /// Seconds.
         to: f64,
     },
+    /// Stop and go: a change by `size` at once at the start and after every `every` seconds, `steps` times (the
+    /// photographs at standstill of thesis 5.3).
+    Stairs {
+        /// One step, mm or degrees.
+        size: f64,
+        /// Number of steps.
+        steps: f64,
+        /// Seconds.
+        start: f64,
+        /// Seconds.
+        every: f64,
+    },
 }
 
 /// 0 before 0, 1 after 1, a raised cosine between.
@@ -70,6 +82,10 @@ impl Term {
                 }
             }
             Term::Ramp { size, from, to } => size * ((t - from) / (to - from)).clamp(0.0, 1.0),
+            Term::Stairs { size, steps, start, every } => {
+                // A frame on the edge belongs to the step: times are sums of rounded numbers.
+                size * (((t - start) / every + 1e-9).floor() + 1.0).clamp(0.0, steps)
+            }
         }
     }
 }
@@ -150,6 +166,16 @@ mod tests {
         assert!(sine.at(1.0).abs() < 1e-12 && sine.at(2.999_999).abs() < 1e-9);
         assert!((sine.at(2.0) - 4.0).abs() < 1e-12);
         assert_eq!(sine.at(3.0), 0.0);
+    }
+
+    #[test]
+    fn stairs_stand_still_between_their_steps_and_at_their_top() {
+        let stairs = Term::Stairs { size: 10.0, steps: 3.0, start: 0.6, every: 0.2 };
+        let at = [0.5, 0.6, 0.79, 0.8, 1.0, 9.0].map(|t| stairs.at(t));
+        assert_eq!(at, [0.0, 10.0, 10.0, 20.0, 30.0, 30.0]);
+        // The frames of a camera, two a step.
+        let heights: Vec<f64> = (5..12).map(|frame| stairs.at(f64::from(frame) / 10.0)).collect();
+        assert_eq!(heights, [0.0, 10.0, 10.0, 20.0, 20.0, 30.0, 30.0]);
     }
 
     #[test]

@@ -26,6 +26,9 @@ pub struct Truth {
 /// A scene that can be rendered, frame by frame and in any order.
 pub struct Scene {
     name: String,
+    /// As the scene file has it, and as the setup tells it.
+    nominal: Parts,
+    /// As it is rendered: the tolerances put in.
     parts: Parts,
     tables: SetupTables,
     seed: u64,
@@ -60,6 +63,8 @@ impl Scene {
             Ok(parts) => parts,
             Err(mistake) => return Err(in_table.into_inner().unwrap_or_else(|| locate(mistake, text, name))),
         };
+        let nominal = parts;
+        let parts = nominal.tolerance.applied(&nominal, file.seed);
         let seen: usize = parts
             .plates
             .iter()
@@ -75,14 +80,14 @@ impl Scene {
         }
         let (aperture, kernel) = parts.sensor.optics();
         // What the scene passes on to the setup is checked by the setup's own rules.
-        let written = setup::text(&file.name, &parts, &file.setup);
+        let written = setup::text(&file.name, &nominal, &parts, &file.setup, &|_, _| true);
         if let Err(error) = gangway_setup::Setup::parse(&written, "setup.toml") {
             let message =
                 format!("the setup file it results in would be refused: {error}").replace('\n', "; ");
             return Err(locate(Mistake::new("setup", message), text, name));
         }
         let SceneFile { name, seed, setup, .. } = file;
-        Ok(Self { name, parts, tables: setup, seed, kernel, aperture, background: OnceLock::new() })
+        Ok(Self { name, nominal, parts, tables: setup, seed, kernel, aperture, background: OnceLock::new() })
     }
 
     /// Reads a scene file.
@@ -102,13 +107,15 @@ impl Scene {
 
     /// The same scene with another number of frames (at least one).
     pub fn with_frames(mut self, frames: u32) -> Self {
+        self.nominal.frames = frames.max(1);
         self.parts.frames = frames.max(1);
         self
     }
 
-    /// The same scene with another seed of background and noise.
+    /// The same scene with another seed of background, noise and tolerances.
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.seed = seed;
+        self.parts = self.nominal.tolerance.applied(&self.nominal, seed);
         self.background = OnceLock::new();
         self
     }
@@ -182,9 +189,35 @@ impl Scene {
         text
     }
 
-    /// The setup file for a box that watches this scene.
+    /// The setup file for a box that watches this scene: camera and targets as the scene file has them, seeds as
+    /// they show. What was rendered differs from it by the scene's tolerances.
     pub fn setup_text(&self) -> String {
-        setup::text(&self.name, &self.parts, &self.tables)
+        self.setup_text_of(&|_, _| true)
+    }
+
+    /// The same for a box that knows only the circles chosen by target and circle on it, both from 0; the others
+    /// show, but are not looked for.
+    pub fn setup_text_of(&self, chosen: &dyn Fn(usize, usize) -> bool) -> String {
+        setup::text(&self.name, &self.nominal, &self.parts, &self.tables, chosen)
+    }
+
+    /// What keeps a measurement of this scene from being perfect, with sizes, one line each.
+    pub fn error_sources(&self) -> Vec<String> {
+        let sensor = &self.nominal.sensor;
+        let mut lines = self.nominal.tolerance.lines(&self.nominal);
+        let shot = if sensor.shot_noise { "photon noise of" } else { "no photon noise, with" };
+        lines.push(format!(
+            "sensor: {shot} {} electrons at full scale, {} electrons of read noise, {} bit, blur {} px",
+            sensor.full_well_e, sensor.read_noise_e, sensor.bits, sensor.blur_px
+        ));
+        let light = &self.nominal.light;
+        lines.push(format!(
+            "light: {:.0} % more to the right, {:.0} % more downwards, {:.0} % less in the corners",
+            100.0 * light.gradient[0],
+            100.0 * light.gradient[1],
+            100.0 * light.vignetting
+        ));
+        lines
     }
 
     fn time_s(&self, frame: u32) -> f64 {

@@ -27,15 +27,28 @@ pub(crate) fn seeds(parts: &Parts, plate: &Plate) -> Option<Vec<[f64; 2]>> {
         .collect()
 }
 
-/// The file's text.
-pub(crate) fn text(name: &str, parts: &Parts, tables: &SetupTables) -> String {
+/// The file's text: `parts` as its owner believes them to be, seeds from what is `seen`. `chosen` tells of a target
+/// (from 0) and its circle whether the box is to know it; a target without one is left out.
+pub(crate) fn text(
+    name: &str,
+    parts: &Parts,
+    seen: &Parts,
+    tables: &SetupTables,
+    chosen: &dyn Fn(usize, usize) -> bool,
+) -> String {
     let mut out = String::new();
     // Writing into a String cannot fail.
-    let _ = write_text(&mut out, name, parts, tables);
+    let _ = write_text(&mut out, name, [parts, seen], tables, chosen);
     out
 }
 
-fn write_text(out: &mut String, name: &str, parts: &Parts, tables: &SetupTables) -> std::fmt::Result {
+fn write_text(
+    out: &mut String,
+    name: &str,
+    [parts, seen]: [&Parts; 2],
+    tables: &SetupTables,
+    chosen: &dyn Fn(usize, usize) -> bool,
+) -> std::fmt::Result {
     let camera = &parts.camera;
     writeln!(out, "# Written with the scene `{}`; seeds are the projected centres at rest.", quoted(name))?;
     writeln!(out, "name = {}\n\n[camera]", quoted(name))?;
@@ -49,15 +62,21 @@ fn write_text(out: &mut String, name: &str, parts: &Parts, tables: &SetupTables)
     }
     writeln!(out, "focal_px = {:?}\nprincipal_px = {:?}", camera.focal, camera.principal)?;
     writeln!(out, "skew_px = {:?}\ndistortion = {:?}", camera.skew, camera.distortion)?;
-    for plate in &parts.plates {
+    for (target, (plate, seen_plate)) in parts.plates.iter().zip(&seen.plates).enumerate() {
+        let known: Vec<usize> = (0..plate.circles.len()).filter(|circle| chosen(target, *circle)).collect();
+        if known.is_empty() {
+            continue;
+        }
         writeln!(out, "\n[[target]]\nname = {}", quoted(&plate.name))?;
         writeln!(out, "origin_mm = {:?}", plate.origin)?;
         writeln!(out, "u = {:?}\nv = {:?}", plate.axes[0], plate.axes[1])?;
         writeln!(out, "outer_diameter_mm = {:?}", 2.0 * plate.radii[0])?;
         writeln!(out, "inner_diameter_mm = {:?}", 2.0 * plate.radii[1])?;
-        writeln!(out, "circles_mm = {:?}", plate.circles)?;
-        if let Some(seeds) = seeds(parts, plate) {
-            let rounded: Vec<String> = seeds.iter().map(|[u, v]| format!("[{u:.3}, {v:.3}]")).collect();
+        let circles: Vec<[f64; 2]> = known.iter().map(|circle| plate.circles[*circle]).collect();
+        writeln!(out, "circles_mm = {circles:?}")?;
+        if let Some(seeds) = seeds(seen, seen_plate) {
+            let rounded: Vec<String> =
+                known.iter().map(|i| format!("[{:.3}, {:.3}]", seeds[*i][0], seeds[*i][1])).collect();
             writeln!(out, "seeds_px = [{}]", rounded.join(", "))?;
         }
     }

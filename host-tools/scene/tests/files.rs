@@ -41,7 +41,7 @@ fn names(dir: &Path) -> Vec<String> {
 
 #[test]
 fn every_built_in_scene_writes_a_setup_that_the_box_accepts_with_all_its_circles() {
-    for ((name, _), circles) in BUILTIN.iter().zip([28, 19]) {
+    for ((name, _), circles) in BUILTIN.iter().zip([28, 19, 7, 7, 7, 28, 7]) {
         let scene = Scene::builtin(name).unwrap();
         let setup = gangway_setup::Setup::parse(&scene.setup_text(), "setup.toml").unwrap();
         let settings = setup.settings();
@@ -211,5 +211,8 @@ fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
         );
     }
     let unknown = Scene::builtin("moon").err().unwrap().to_string();
-    assert_eq!(unknown, "there is no built-in scene `moon`, there are: rig, ride; or name a scene file");
+    assert_eq!(
+        unknown,
+        "there is no built-in scene `moon`, there are: rig, ride, 1a, 1b, 1c, 2b, 2c; or name a scene file"
+    );
 }

@@ -11,6 +11,7 @@ pub(crate) mod colour {
     pub(crate) const FRAME: &str = "#8a8a8a";
     pub(crate) const BLUE: &str = "#0072b2";
     pub(crate) const ORANGE: &str = "#f2bc4b";
+    pub(crate) const GREEN: &str = "#009e73";
     pub(crate) const VERMILLION: &str = "#d55e00";
     pub(crate) const BAND_1: &str = "#b4d8ee";
     pub(crate) const BAND_3: &str = "#e2f1f9";
@@ -93,6 +94,15 @@ impl Svg {
         if !path.is_empty() {
             self.add(format_args!(
                 "<path d=\"{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{width}\" stroke-linejoin=\"round\" stroke-linecap=\"round\"/>"
+            ));
+        }
+    }
+
+    /// The same, dashed.
+    pub(crate) fn dashed_stroke(&mut self, path: &str, stroke: &str, width: f64) {
+        if !path.is_empty() {
+            self.add(format_args!(
+                "<path d=\"{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{width}\" stroke-linejoin=\"round\" stroke-dasharray=\"9 6\"/>"
             ));
         }
     }
