@@ -212,7 +212,7 @@ impl Scene {
         ));
         let light = &self.nominal.light;
         lines.push(format!(
-            "light: {:.0} % more to the right, {:.0} % more downwards, {:.0} % less in the corners",
+            "light: {:+.0} % from left to right, {:+.0} % from top to bottom, {:.0} % less in the corners",
             100.0 * light.gradient[0],
             100.0 * light.gradient[1],
             100.0 * light.vignetting

@@ -179,11 +179,12 @@ fn table(order: &Order, counted: &Counted) -> String {
     text
 }
 
-/// The smallest number of circles from which on MAX stays within R(a).
+/// The smallest number of circles from which on MAX stays within R(a); what was refused does not count.
 fn kept_from(counted: &Counted, solver: usize) -> Option<usize> {
-    let is_kept = |line: &Line| line.medians().is_some_and(|s| s.max[..3].iter().all(|max| *max <= LIMIT_MM));
+    let is_kept = |line: &Line| line.medians().is_none_or(|s| s.max[..3].iter().all(|max| *max <= LIMIT_MM));
     let tail = counted.iter().rev().take_while(|(_, lines)| is_kept(&lines[solver]));
-    tail.last().map(|(count, _)| *count)
+    let measured = tail.filter(|(_, lines)| lines[solver].medians().is_some());
+    measured.last().map(|(count, _)| *count)
 }
 
 fn figure(order: &Order, counted: &Counted) -> Curves {

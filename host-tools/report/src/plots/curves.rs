@@ -24,7 +24,7 @@ pub enum Look {
     Wide,
     /// Of middle width, green.
     Middle,
-    /// Narrow, blue.
+    /// Narrow, nearly black.
     Narrow,
     /// As `Wide`, dashed.
     WideDashed,
@@ -39,10 +39,10 @@ impl Look {
         match self {
             Self::Wide => (colour::ORANGE, 8.0, false),
             Self::Middle => (colour::GREEN, 4.5, false),
-            Self::Narrow => (colour::BLUE, 1.8, false),
+            Self::Narrow => (colour::INK, 1.4, false),
             Self::WideDashed => (colour::ORANGE, 6.0, true),
             Self::MiddleDashed => (colour::GREEN, 3.5, true),
-            Self::NarrowDashed => (colour::BLUE, 1.8, true),
+            Self::NarrowDashed => (colour::INK, 1.4, true),
         }
     }
 }
@@ -202,7 +202,7 @@ fn ticks(scale: Scale, axis: &Axis) -> Vec<(f64, String)> {
     match scale {
         Scale::Signed => axis.ticks(4.0),
         Scale::Logarithmic => {
-            let steps: &[f64] = if axis.high - axis.low > 1.6 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+            let steps: &[f64] = if axis.high - axis.low > 2.2 { &[1.0] } else { &[1.0, 2.0, 5.0] };
             let mut all = Vec::new();
             for power in axis.low.floor() as i32..=axis.high.ceil() as i32 {
                 for step in steps {
@@ -303,7 +303,7 @@ mod tests {
         assert_eq!((starts(&whole), starts(&broken)), (1, 1));
         let path = |picture: &Picture| {
             let text = picture.svg().to_owned();
-            let end = text.find("\" fill=\"none\" stroke=\"#0072b2\"").unwrap();
+            let end = text.find("\" fill=\"none\" stroke=\"#1a1a1a\"").unwrap();
             text[text[..end].rfind("d=\"").unwrap()..end].matches('M').count()
         };
         assert_eq!((path(&whole), path(&broken)), (1, 2));
