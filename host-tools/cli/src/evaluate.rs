@@ -3,6 +3,7 @@
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
+use gangway_report::sync::{Recorder, synchronise};
 use gangway_report::{Reference, Sample};
 use gangway_store::Session;
 
@@ -15,6 +16,10 @@ pub(crate) struct Args {
     /// Without it, the motion is described on its own.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
+    /// The truth is a recorder's, of another rate and clock: its first column is time_s, time_ms, time_us or time_ns
+    /// instead of frame. Its clock is found from the motion, and the offset is told with its uncertainty.
+    #[arg(long, requires = "truth")]
+    sync: bool,
     /// Print JSON instead of the table.
     #[arg(long)]
     json: bool,
@@ -25,14 +30,26 @@ pub(crate) struct Args {
 
 /// Runs `gangway evaluate`.
 pub(crate) fn run(args: Args) -> anyhow::Result<()> {
-    let reference = args.truth.as_deref().map(Reference::read).transpose()?;
+    // Read before the session: a mistake in it is told at once.
+    let (recorder, reference) = match args.truth.as_deref() {
+        Some(path) if args.sync => (Some(Recorder::read(path)?), None),
+        path => (None, path.map(Reference::read).transpose()?),
+    };
     let (session, recovery) = Session::open(&args.session)?;
     if !recovery.is_whole() {
         crate::tell(&format!("{}: {recovery}", args.session.display()));
     }
     let samples: Vec<Sample> = session.poses()?.iter().map(Sample::from).collect();
     let name = args.session.display().to_string();
-    let evaluation = gangway_report::evaluate(&name, &samples, reference.as_ref())?;
+    let (alignment, reference) = match recorder {
+        Some(recorder) => {
+            let (alignment, reference) = synchronise(&name, &samples, &recorder)?;
+            (Some(alignment), Some(reference))
+        }
+        None => (None, reference),
+    };
+    let mut evaluation = gangway_report::evaluate(&name, &samples, reference.as_ref())?;
+    evaluation.sync = alignment;
 
     // Printed before anything is written: a full disk does not cost the result.
     let mut out = io::stdout().lock();

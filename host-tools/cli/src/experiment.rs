@@ -12,12 +12,13 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use gangway_report::plots::{Curve, Curves, Look, Panel, Scale, curves};
+use gangway_report::plots::{Curve, Curves, Look, Panel, Scale, Section, curves};
+use gangway_report::sync::motion_start;
 use gangway_report::{DEGREES_OF_FREEDOM, Evaluation, Reference, Sample};
 use gangway_scene::Scene;
 
 use crate::{simulate, tell};
-use measure::{Job, Outcome};
+use measure::{Job, Outcome, Watched};
 use plan::{Chosen, Name, Plan};
 use thesis::Statistics;
 
@@ -89,6 +90,7 @@ fn seven(plan: &Plan, args: &Args) -> anyhow::Result<String> {
     let mut first: Vec<Option<Evaluation>> = Vec::new();
     let mut notes = Vec::new();
     let mut sources = Vec::new();
+    let mut start = None;
     for seed in 1..=args.seeds {
         let scene = plan::scene(plan.scene)?.with_seed(seed);
         let folder = if args.seeds == 1 { folder.clone() } else { folder.join(format!("seed-{seed}")) };
@@ -99,21 +101,32 @@ fn seven(plan: &Plan, args: &Args) -> anyhow::Result<String> {
             write(&folder.join(format!("{}.toml", job.name)), job.setup.clone())?;
         }
         let bar = simulate::progress(&scene);
-        let outcomes = measure::together(&scene, &jobs, &folder, &bar);
+        let watched = measure::together(&scene, &jobs, &folder, &bar);
         bar.finish_and_clear();
+        let Watched { outcomes, differences } = watched?;
         let reference = Reference::parse(scene.truth_text().as_bytes(), "truth.csv")?;
         let mut evaluations = Vec::new();
-        for ((outcome, line), variant) in outcomes?.into_iter().zip(&mut lines).zip(&variants) {
+        for ((outcome, line), variant) in outcomes.into_iter().zip(&mut lines).zip(&variants) {
             evaluations.push(evaluated(plan, outcome, &reference, line, variant, seed, &mut notes)?);
         }
         if seed == 1 {
             first = evaluations;
             sources = scene.error_sources();
+            if let Some(number) = plan.start {
+                start = Some((number, differences));
+            }
         }
+    }
+    if let Some(note) = start.as_ref().map(|(_, differences)| started(differences)) {
+        notes.push(note);
     }
     let text = report(plan, args.seeds, &lines, &first, &sources, &notes);
     write(&folder.join("table.txt"), text.clone())?;
-    for path in figures(plan, &folder, &first)? {
+    let mut drawn = figures(plan, &folder, &first)?;
+    if let Some((number, differences)) = &start {
+        drawn.extend(draw(&folder, &format!("figure-{number}"), &start_figure(number, differences))?);
+    }
+    for path in drawn {
         tell(&format!("wrote {}", path.display()));
     }
     // The product's own evaluation of its default, with the stated standard deviations.
@@ -299,6 +312,44 @@ fn figures(plan: &Plan, folder: &Path, first: &[Option<Evaluation>]) -> anyhow::
     Ok(written)
 }
 
+/// What the pictures say about the start of motion.
+fn started(differences: &[f64]) -> String {
+    match motion_start(differences) {
+        Some(frame) => format!(
+            "The pictures' summed absolute difference (equation 5.1) grows first in frame {frame}; of the simulation, \
+             frame 20 is the last at rest"
+        ),
+        None => "The pictures' summed absolute difference (equation 5.1) shows no start of motion".to_owned(),
+    }
+}
+
+/// The summed absolute difference of each picture to the first, as in thesis figure 5.16.
+fn start_figure(number: &str, differences: &[f64]) -> Curves {
+    let last = differences.len().saturating_sub(1) as f64;
+    let sections = motion_start(differences).map(|start| {
+        let start = start as f64 - 0.5;
+        let section = |name: &str, from_to| Section { name: name.to_owned(), from_to };
+        vec![section("rest", [0.0, start]), section("motion", [start, last])]
+    });
+    let points = differences.iter().enumerate().skip(1).map(|(frame, d)| (frame as f64, Some(*d))).collect();
+    Curves {
+        title: "Experiment 2a: start of motion in the pictures".to_owned(),
+        subtitle: format!(
+            "as thesis figure {number}; sum of absolute grey level differences to the first picture"
+        ),
+        legend: vec![(Look::Narrow, "SAD (equation 5.1)".to_owned())],
+        across: "frame".to_owned(),
+        sections: sections.unwrap_or_default(),
+        scale: Scale::Logarithmic,
+        panels: vec![Panel {
+            label: "SAD / grey levels".to_owned(),
+            remarks: [const { String::new() }; 2],
+            curves: vec![Curve { look: Look::Narrow, points }],
+            limit: None,
+        }],
+    }
+}
+
 /// Writes a figure as SVG and PNG.
 pub(crate) fn draw(folder: &Path, name: &str, figure: &Curves) -> anyhow::Result<[PathBuf; 2]> {
     let picture = curves(figure);
@@ -344,5 +395,44 @@ fn panel(plan: &Plan, degree: usize, drawn: &[(Look, &str, &Evaluation)]) -> Pan
         ],
         curves: drawn.iter().map(curve).collect(),
         limit: Some(of.limit),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gangway_report::Measured;
+
+    use super::*;
+
+    #[test]
+    fn a_rail_that_is_not_along_the_axis_is_straightened_and_nothing_else_changes() {
+        let angle = 0.02f64;
+        let mut samples: Vec<Sample> = (0..40)
+            .map(|frame| {
+                let along = 10.0 * f64::from(frame);
+                // A rail turned by 0.02 about z, and a deviation of 0.3 mm along it in frame 7.
+                let along = if frame == 7 { along + 0.3 } else { along };
+                let values = [along * angle.cos(), along * angle.sin(), 0.0, 0.0, 0.1, 0.0];
+                let measured = Measured { values, sigmas: [0.1; 6], residual_px: 0.1 };
+                Sample {
+                    frame,
+                    time_ns: u64::from(frame),
+                    measured: Some(measured),
+                    markers: 7,
+                    flags: gangway_wire::PoseFlags::default(),
+                }
+            })
+            .collect();
+        let truth = (0..40).map(|frame| (frame, [10.0 * f64::from(frame), 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let reference = Reference::new("truth.csv", truth).unwrap();
+        let degrees = straighten(&mut samples, &reference, 0);
+        assert!((degrees - angle.to_degrees()).abs() < 1e-9, "{degrees}");
+        for sample in &samples {
+            let values = sample.measured.unwrap().values;
+            let along = 10.0 * f64::from(sample.frame) + if sample.frame == 7 { 0.3 } else { 0.0 };
+            // A few operations on numbers of some hundred.
+            assert!((values[0] - along).abs() < 1e-10 && values[1].abs() < 1e-10, "{values:?}");
+            assert_eq!(values[4], 0.1);
+        }
     }
 }

@@ -110,3 +110,64 @@ fn a_mistake_is_one_sentence_and_exit_code_1() {
     }
     assert_eq!(evaluate(folder.path(), &[]).status.code(), Some(2), "used wrongly");
 }
+
+/// The ride's truth as a recorder would have it: at another rate, from another zero of time. The ride moves on from a
+/// rest of 20 frames.
+fn recorded_ride(folder: &Path) {
+    let motion = |t: f64| if t < 0.4 { 0.0 } else { 30.0 * (5.0 * (t - 0.4)).sin() };
+    let mut capture = Vec::new();
+    for frame in 0..150 {
+        let waiting = frame < 10;
+        let motion = Motion {
+            displacement_mm: [0.25, motion(f64::from(frame) / 50.0) as f32, 0.0],
+            rotation_deg: [0.0; 3],
+            sigma: [0.5; 6],
+            residual_px: 0.03,
+        };
+        let pose = Pose {
+            frame,
+            time_ns: 7_000_000_000 + u64::from(frame) * 20_000_000,
+            flags: if waiting { PoseFlags::WAITING } else { PoseFlags::default() },
+            markers: 15,
+            motion: (!waiting).then_some(motion),
+        };
+        let mut bytes = [0; MAX_FRAME];
+        let length = encode(&Record::Pose(pose), frame, &mut bytes).unwrap();
+        capture.extend_from_slice(&bytes[..length]);
+    }
+    std::fs::write(folder.join("ride.gw"), capture).unwrap();
+    let mut recorder = "time_s,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg\n".to_owned();
+    for i in 0..400 {
+        let s = f64::from(i) / 80.0;
+        // The recorder began 1.5 s before the box.
+        writeln!(recorder, "{},0,{},0,0,0,0", 1000.0 + s, motion(s - 1.5)).unwrap();
+    }
+    std::fs::write(folder.join("recorder.csv"), recorder).unwrap();
+}
+
+#[test]
+fn a_recorder_of_another_rate_and_clock_is_synchronised() {
+    let folder = tempfile::tempdir().unwrap();
+    recorded_ride(folder.path());
+    let output = evaluate(folder.path(), &["ride.gw", "--truth", "recorder.csv", "--sync", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let offset = json["sync"]["offset_s"].as_f64().unwrap();
+    // Single precision of 30 mm at 150 mm/s, and a corner in the motion that a spline rounds off: well below 0.1 ms.
+    assert!((offset + 1.5).abs() < 1e-4, "{offset}");
+    assert_eq!(json["frames"]["compared"], 140);
+    assert!((json["deviation"]["x"]["mean"].as_f64().unwrap() - 0.25).abs() < 1e-6);
+    assert!(json["deviation"]["y"]["rmse"].as_f64().unwrap() < 0.05);
+    let table = text(&evaluate(folder.path(), &["ride.gw", "--truth", "recorder.csv", "--sync"]).stdout);
+    assert!(table.contains("Synchronised: session time less recorder time -1.50"), "{table}");
+
+    for (args, expected, code) in [
+        (&["ride.gw", "--sync"][..], "--truth", 2),
+        (&["ride.gw", "--truth", "recorder.csv"], "the column frame is missing", 1),
+        (&["ride.gw", "--truth", "ride.gw", "--sync"], "ride.gw", 1),
+    ] {
+        let output = evaluate(folder.path(), args);
+        assert_eq!(output.status.code(), Some(code), "{args:?}");
+        assert!(text(&output.stderr).contains(expected), "{args:?}: {}", text(&output.stderr));
+    }
+}

@@ -74,6 +74,42 @@ pub enum ReportError {
         /// Its name.
         name: String,
     },
+    /// A recorder's file has too few rows to be aligned, or times that do not rise.
+    #[error(
+        "{name}: {rows} rows with rising times and all six values; {least} are the fewest that can be aligned"
+    )]
+    FewRows {
+        /// Its name.
+        name: String,
+        /// Rows with values.
+        rows: usize,
+        /// Fewest that do.
+        least: usize,
+    },
+    /// A session has too few poses to be aligned.
+    #[error(
+        "{session}: {frames} frames with a pose; {least} are the fewest that can be aligned with a recorder"
+    )]
+    FewFrames {
+        /// Name of the session.
+        session: String,
+        /// Frames with a pose.
+        frames: usize,
+        /// Fewest that do.
+        least: usize,
+    },
+    /// The motions of session and recorder do not belong together.
+    #[error(
+        "{session} cannot be aligned with {reference}: at best their motions correlate by {correlation:.2}, and 0.7 is the least that is believed; are both of the same ride, with x forward, y left, z up?"
+    )]
+    NoAlignment {
+        /// Name of the session.
+        session: String,
+        /// Name of the reference.
+        reference: String,
+        /// The best correlation found.
+        correlation: f64,
+    },
     /// A file of the report cannot be written.
     #[error("{}: cannot be written: {why}; give another folder with --out", path.display())]
     Write {

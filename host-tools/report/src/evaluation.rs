@@ -6,6 +6,7 @@ use gangway_wire::PoseFlags;
 
 use crate::angle::difference_deg;
 use crate::statistics::{self, Deviation, Error, Motion};
+use crate::sync::Alignment;
 use crate::{DEGREES_OF_FREEDOM, Measured, Reference, ReportError, Sample};
 
 /// A ride, measured against a reference or on its own.
@@ -15,6 +16,9 @@ pub struct Evaluation {
     pub session: String,
     /// Name or path of the reference; `None` where there is none.
     pub reference: Option<String>,
+    /// How the reference's clock was found to stand to the session's; `None` where it goes by frame numbers. Put in
+    /// by who synchronised.
+    pub sync: Option<Alignment>,
     /// How many frames went where.
     pub frames: Frames,
     /// Frames with a pose that carry a flag.
@@ -164,6 +168,7 @@ pub fn evaluate(
     Ok(Evaluation {
         session,
         reference: reference.map(|r| r.name().to_owned()),
+        sync: None,
         frames,
         flags: count_flags(&rows),
         duration_s: range_f64(rows.iter().map(|r| r.time_s)),

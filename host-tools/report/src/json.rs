@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::evaluation::{FlagCounts, Frames};
+use crate::sync::Alignment;
 use crate::{DEGREES_OF_FREEDOM, Deviation, Evaluation, Motion, RATE_LIMIT_HZ};
 
 #[derive(Serialize)]
@@ -10,6 +11,7 @@ struct Document<'a> {
     version: u32,
     session: &'a str,
     reference: Option<&'a str>,
+    sync: Option<&'a Alignment>,
     frames: Frames,
     flags: FlagCounts,
     duration_s: f64,
@@ -52,6 +54,7 @@ impl Evaluation {
     /// |---|---|
     /// | `version` | 1 |
     /// | `session`, `reference` | names; the reference is null where there is none, and so is `deviation` |
+    /// | `sync` | the fields of [`Alignment`]; null where the reference goes by frame numbers |
     /// | `frames` | counts, the fields of [`Frames`] |
     /// | `flags` | counts, the fields of [`FlagCounts`] |
     /// | `duration_s`, `rate_hz`, `rate_limit_hz` | first to last frame; rate of the frames; what R(a) asks for |
@@ -63,6 +66,7 @@ impl Evaluation {
             version: 1,
             session: &self.session,
             reference: self.reference.as_deref(),
+            sync: self.sync.as_ref(),
             frames: self.frames,
             flags: self.flags,
             duration_s: self.duration_s,

@@ -4,6 +4,8 @@
 //! samples (one a frame) ──┐
 //!                         ├─> evaluate -> Evaluation ─> table, JSON, plots (SVG, PNG), page (HTML)
 //! truth.csv -> Reference ─┘
+//!
+//! recorder.csv -> sync::Recorder ─> sync::synchronise (with the samples) ─> Reference
 //! ```
 //!
 //! With the deviation `e_i = measured_i - true_i` of degree of freedom by degree of freedom, over the `n` frames that
@@ -30,6 +32,7 @@ pub mod plots;
 mod reference;
 mod sample;
 mod statistics;
+pub mod sync;
 mod table;
 mod write;
 

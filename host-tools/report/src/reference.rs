@@ -107,7 +107,7 @@ impl Reference {
 }
 
 /// Comma, semicolon or tab, whichever the first line that says something has most of.
-fn delimiter(text: &str) -> u8 {
+pub(crate) fn delimiter(text: &str) -> u8 {
     let header = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
     let count = |c: u8| header.bytes().filter(|b| *b == c).count();
     // Of equals, the last would win: the comma is the last.
@@ -115,7 +115,7 @@ fn delimiter(text: &str) -> u8 {
 }
 
 /// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the row.
-fn line_of(row: &StringRecord, text: &str) -> u64 {
+pub(crate) fn line_of(row: &StringRecord, text: &str) -> u64 {
     let Some(position) = row.position() else { return 0 };
     let rest = text.get(position.byte() as usize..).unwrap_or_default();
     let skipped = &rest[..rest.len() - rest.trim_start_matches(['\r', '\n']).len()];
@@ -193,7 +193,7 @@ impl Columns {
 }
 
 /// What column `i` (0: frame) may be called, the first being the usual name.
-fn allowed_names(i: usize) -> Vec<String> {
+pub(crate) fn allowed_names(i: usize) -> Vec<String> {
     match i.checked_sub(1).map(|i| DEGREES_OF_FREEDOM[i]) {
         None => vec!["frame".to_owned()],
         Some(of) if of.is_angle => vec![format!("{}_deg", of.name)],
@@ -202,7 +202,7 @@ fn allowed_names(i: usize) -> Vec<String> {
 }
 
 /// `X [mm]` as `x_mm`, `Roll (°)` as `roll_deg`.
-fn plain_name(column: &str) -> String {
+pub(crate) fn plain_name(column: &str) -> String {
     let text = column.to_lowercase().replace('°', "deg");
     let words: Vec<&str> =
         text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).collect();

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use crate::sync::Alignment;
 use crate::{DEGREES_OF_FREEDOM, Deviation, Evaluation, RATE_LIMIT_HZ};
 
 /// Heads and rows of a table, for text and page alike.
@@ -109,6 +110,7 @@ impl Evaluation {
             let _ = write!(counts, ", {} not in the truth", f.not_in_reference);
         }
         notes.push(counts + ".");
+        notes.extend(self.sync.iter().flat_map(Alignment::notes));
         if f.not_in_session > 0 {
             notes.push(format!("{} frames of the truth are missing in the session.", f.not_in_session));
         }

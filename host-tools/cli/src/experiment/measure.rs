@@ -13,6 +13,7 @@ use anyhow::Context;
 use gangway_bench::link::FileLink;
 use gangway_bench::{BenchError, Failure, FrameSource, Identity, Play, Shape, SourceError, Summary};
 use gangway_report::Sample;
+use gangway_report::sync::summed_absolute_difference;
 use gangway_scene::Scene;
 use gangway_setup::Setup;
 use gangway_store::Session;
@@ -33,6 +34,14 @@ pub(crate) struct Job {
 /// What a job gave: its samples and the loop's summary, or the sentence with which the box refused its setup.
 pub(crate) type Outcome = Result<(Vec<Sample>, Summary), String>;
 
+/// What came of one rendering.
+pub(crate) struct Watched {
+    /// Of each job, in order.
+    pub(crate) outcomes: Vec<Outcome>,
+    /// Summed absolute difference of each frame to the first (thesis equation 5.1).
+    pub(crate) differences: Vec<f64>,
+}
+
 /// A frame, shared by all jobs.
 type Picture = Arc<Vec<u8>>;
 
@@ -42,7 +51,7 @@ pub(crate) fn together(
     jobs: &[Job],
     folder: &Path,
     bar: &ProgressBar,
-) -> anyhow::Result<Vec<Outcome>> {
+) -> anyhow::Result<Watched> {
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let mut lines: Vec<SyncSender<Picture>> = Vec::new();
@@ -60,15 +69,21 @@ pub(crate) fn together(
                 outcome
             }));
         }
+        let mut first: Option<Picture> = None;
+        let mut differences = Vec::new();
         render(scene, bar, |picture| {
+            let first = first.get_or_insert_with(|| Arc::clone(&picture));
+            differences.push(summed_absolute_difference(first, &picture) as f64);
             // A job that ended early takes no more; the others go on.
             lines.retain(|line| line.send(Arc::clone(&picture)).is_ok());
             !lines.is_empty() && !stop.load(Ordering::Relaxed)
         });
         drop(lines);
-        runs.into_iter()
+        let outcomes = runs
+            .into_iter()
             .map(|run| run.join().unwrap_or_else(|_| Err(anyhow::anyhow!("a measuring thread failed"))))
-            .collect()
+            .collect::<anyhow::Result<_>>()?;
+        Ok(Watched { outcomes, differences })
     })
 }
 
@@ -212,5 +227,71 @@ impl FrameSource for Kept {
     fn rewind(&mut self) -> Result<(), SourceError> {
         self.next = 0;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gangway_scene::TOLERANCE;
+
+    use super::*;
+    use crate::experiment::setup_text;
+
+    /// Two targets of four rings, one set back, 2 m before a small camera.
+    fn tiny() -> Scene {
+        let text = r#"
+            name = "tiny"
+            frames = 24
+            [camera]
+            width_px = 320
+            height_px = 240
+            rate_hz = 50.0
+            focal_px = [800.0, 800.0]
+            principal_px = [160.3, 119.8]
+            position_mm = [-2000.0, 0.0, 0.0]
+            [[target]]
+            name = "front"
+            origin_mm = [0.0, 120.0, 0.0]
+            outer_diameter_mm = 50.0
+            inner_diameter_mm = 25.0
+            circles_mm = [[-50.0, 90.0], [50.0, 90.0], [-50.0, -90.0], [50.0, -90.0]]
+            [[target]]
+            name = "back"
+            origin_mm = [500.0, -180.0, 0.0]
+            outer_diameter_mm = 50.0
+            inner_diameter_mm = 25.0
+            circles_mm = [[-50.0, 90.0], [50.0, 90.0], [-50.0, -90.0], [50.0, -90.0]]
+            [motion]
+            rest_s = 0.3
+            [[motion.sine]]
+            degree = "y"
+            amplitude = 20.0
+            frequency_hz = 2.0
+        "#;
+        Scene::parse(&format!("{text}{TOLERANCE}"), "tiny.toml").unwrap()
+    }
+
+    #[test]
+    fn a_box_measures_the_same_alone_and_beside_others_and_a_refusal_is_told() {
+        let scene = tiny();
+        let job = |name: &str, solver: &str, all: bool| Job {
+            name: name.to_owned(),
+            setup: setup_text(&scene, solver, &|target, circle| all || target == 0 || circle == 0),
+        };
+        // Five circles, four of them in one plane, are too few for the general DLT.
+        let jobs = [job("auto", "auto", true), job("refused", "dlt", false)];
+        let folder = tempfile::tempdir().unwrap();
+        let bar = ProgressBar::hidden();
+        let beside = together(&scene, &jobs, folder.path(), &bar).unwrap();
+        let alone = one_by_one(&scene, &jobs, folder.path(), &bar).unwrap();
+        for outcomes in [&beside.outcomes, &alone] {
+            assert!(outcomes[1].as_ref().is_err_and(|why| why.contains("give no pose")));
+        }
+        let samples = |outcome: &Outcome| outcome.as_ref().unwrap().0.clone();
+        assert_eq!(samples(&beside.outcomes[0]).len(), 24);
+        assert_eq!(samples(&beside.outcomes[0]), samples(&alone[0]));
+        assert!(samples(&alone[0]).last().unwrap().measured.is_some());
+        // Frame 16 is the first that has moved.
+        assert_eq!(gangway_report::sync::motion_start(&beside.differences), Some(16));
     }
 }

@@ -55,6 +55,8 @@ pub(crate) struct Plan {
     pub(crate) rail: Option<usize>,
     /// The figures of the thesis, with the degrees of freedom that each shows.
     pub(crate) figures: &'static [(&'static str, &'static [usize])],
+    /// The figure of the summed absolute differences, where there is one.
+    pub(crate) start: Option<&'static str>,
     /// Name of the axis across.
     pub(crate) across: &'static str,
 }
@@ -85,6 +87,7 @@ impl Name {
                 fewer: None,
                 rail: Some(0),
                 figures: &[("5.5", &[0])],
+                start: None,
                 across: "photograph",
             },
             Self::Ex1b => Plan {
@@ -97,6 +100,7 @@ impl Name {
                 fewer: None,
                 rail: Some(1),
                 figures: &[("5.9", &[1])],
+                start: None,
                 across: "photograph",
             },
             Self::Ex1c => Plan {
@@ -112,6 +116,7 @@ impl Name {
                 fewer: None,
                 rail: None,
                 figures: &[("5.13", &[5])],
+                start: None,
                 across: "photograph",
             },
             Self::Ex2a => Plan {
@@ -125,6 +130,7 @@ impl Name {
                 fewer: Some(("3 x 5-CCC", |target, circle| target != 2 && circle < 5)),
                 rail: None,
                 figures: &[("5.19", TRANSLATIONS), ("5.21", ROTATIONS)],
+                start: Some("5.16"),
                 across: "frame",
             },
             Self::Ex2b => Plan {
@@ -137,6 +143,7 @@ impl Name {
                 fewer: Some(("middle A3 only", |target, _| target == 1)),
                 rail: None,
                 figures: &[("5.23", TRANSLATIONS), ("5.24", ROTATIONS)],
+                start: None,
                 across: "frame",
             },
             Self::Ex2c => Plan {
@@ -149,6 +156,7 @@ impl Name {
                 fewer: None,
                 rail: None,
                 figures: &[("5.26", TRANSLATIONS), ("5.27", ROTATIONS)],
+                start: None,
                 across: "frame",
             },
             Self::Ride => Plan {
@@ -164,6 +172,7 @@ impl Name {
                 fewer: None,
                 rail: None,
                 figures: &[("5.33, as deviations", TRANSLATIONS), ("5.34, as deviations", ROTATIONS)],
+                start: None,
                 across: "frame",
             },
             Self::Fiducials => return None,

@@ -1,0 +1,207 @@
+//! A reference recorder's file: `time_s,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg`, a row a sample, at a rate and on a
+//! clock of its own (thesis 5.4.2: the test rig's control system).
+//!
+//! The time may be `time_s`, `time_ms`, `time_us` or `time_ns`, from any zero; it rises from row to row and need not do so
+//! evenly. The other columns are as in a [`Reference`](crate::Reference). A row whose six cells are all empty is a gap.
+
+use std::path::Path;
+
+use csv::StringRecord;
+
+use super::track::Track;
+use crate::reference::{allowed_names, delimiter, line_of, plain_name};
+use crate::{DEGREES_OF_FREEDOM, ReportError};
+
+/// Fewest rows that can be aligned.
+const FEWEST_ROWS: usize = 10;
+
+/// What a recorder wrote.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    name: String,
+    /// Motion over seconds since its first row.
+    pub(crate) track: Track,
+    /// Its clock at the first row, s.
+    pub(crate) first_s: f64,
+}
+
+impl Recorder {
+    /// Takes pairs of time (s, rising) and x, y, z (mm), roll, pitch, yaw (degrees).
+    ///
+    /// # Errors
+    ///
+    /// Where there are fewer than ten, or a time is not after the one before.
+    pub fn new(name: &str, rows: impl IntoIterator<Item = (f64, [f64; 6])>) -> Result<Self, ReportError> {
+        let mut first = None;
+        let (mut times, mut values) = (Vec::new(), Vec::new());
+        for (time, motion) in rows {
+            let zero = *first.get_or_insert(time);
+            times.push(time - zero);
+            values.push(motion);
+        }
+        let rises = times.windows(2).all(|pair| pair[1] > pair[0]);
+        if times.len() < FEWEST_ROWS || !rises {
+            let rows = times.len();
+            return Err(ReportError::FewRows { name: name.to_owned(), rows, least: FEWEST_ROWS });
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            track: Track::new(times, values),
+            first_s: first.unwrap_or_default(),
+        })
+    }
+
+    /// Reads a CSV file.
+    ///
+    /// # Errors
+    ///
+    /// Where it cannot be read, or is not as described above: with its line and column.
+    pub fn read(path: &Path) -> Result<Self, ReportError> {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Ok(text) => Self::parse(&text, &name),
+            Err(why) => Err(ReportError::ReadReference { name, why }),
+        }
+    }
+
+    /// Reads the text of a CSV file; `name` is what messages call it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Recorder::read`].
+    pub fn parse(text: &[u8], name: &str) -> Result<Self, ReportError> {
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        let text = String::from_utf8_lossy(text);
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(delimiter(&text))
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        let mut rows = reader.records();
+        let read = |row: Result<StringRecord, csv::Error>| {
+            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), why: e.into() })
+        };
+        let Some(header) = rows.next() else {
+            return Err(ReportError::EmptyReference { name: name.to_owned() });
+        };
+        let columns = Columns::find(&read(header)?, name)?;
+        let mut first = None;
+        let mut before = None;
+        let mut kept = Vec::new();
+        for row in rows {
+            let row = read(row)?;
+            let line = line_of(&row, &text);
+            let (nanoseconds, values) = columns.row(&row, line, name)?;
+            if before.is_some_and(|before| nanoseconds <= before) {
+                let what = "the time is not after that of the row before; expected are times that rise";
+                return Err(columns.cell_error(0, line, name, what.to_owned()));
+            }
+            before = Some(nanoseconds);
+            let zero = *first.get_or_insert(nanoseconds);
+            // Whole nanoseconds first: the difference of two times of this century keeps all its digits.
+            kept.extend(values.map(|values| ((nanoseconds - zero) as f64 * 1e-9, values)));
+        }
+        let clock = first.unwrap_or_default() as f64 * 1e-9;
+        let mut recorder = Self::new(name, kept)?;
+        recorder.first_s += clock;
+        Ok(recorder)
+    }
+
+    /// What messages and reports call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// Where the seven columns are, what the file calls them, and how many nanoseconds the unit of time has.
+struct Columns {
+    at: [usize; 7],
+    names: [String; 7],
+    unit_ns: f64,
+}
+
+/// Names of the time's column, and nanoseconds of their unit.
+const TIMES: [(&str, f64); 4] = [("time_s", 1e9), ("time_ms", 1e6), ("time_us", 1e3), ("time_ns", 1.0)];
+
+impl Columns {
+    fn find(header: &StringRecord, name: &str) -> Result<Self, ReportError> {
+        let error = |what| ReportError::Header { name: name.to_owned(), line: 1, what };
+        let mut at = [0; 7];
+        let mut names = [const { String::new() }; 7];
+        for (i, (at, found)) in at.iter_mut().zip(&mut names).enumerate() {
+            let allowed =
+                if i == 0 { TIMES.map(|(name, _)| name.to_owned()).to_vec() } else { allowed_names(i) };
+            let mut fits =
+                header.iter().enumerate().filter(|(_, column)| allowed.contains(&plain_name(column)));
+            let Some((position, column)) = fits.next() else {
+                let has = header.iter().collect::<Vec<_>>().join(", ");
+                let wanted = allowed.join(" or ");
+                return Err(error(format!("the column {wanted} is missing; the header has: {has}")));
+            };
+            if let Some((_, second)) = fits.next() {
+                return Err(error(format!("the columns {column} and {second} mean the same; take one out")));
+            }
+            (*at, *found) = (position, column.to_owned());
+        }
+        let unit = TIMES.iter().find(|(unit, _)| *unit == plain_name(&names[0]));
+        Ok(Self { at, names, unit_ns: unit.map_or(1e9, |(_, unit)| *unit) })
+    }
+
+    /// Time in nanoseconds, and the motion where the row has one.
+    fn row(
+        &self,
+        row: &StringRecord,
+        line: u64,
+        name: &str,
+    ) -> Result<(i128, Option<[f64; 6]>), ReportError> {
+        let cell = |i: usize| {
+            row.get(self.at[i]).ok_or_else(|| {
+                let what = format!("the line ends before it, after {} of its cells", row.len());
+                self.cell_error(i, line, name, what)
+            })
+        };
+        let text = cell(0)?;
+        // Whole numbers are taken whole: nanoseconds since 1970 have more digits than a floating number.
+        let whole = text.parse::<i128>().ok().filter(|v| v.unsigned_abs() < 1 << 96);
+        let time = match whole {
+            Some(whole) => Some(whole * self.unit_ns as i128),
+            None => text
+                .parse::<f64>()
+                .ok()
+                .filter(|v| v.abs() < 1e12)
+                .map(|v| (v * self.unit_ns).round() as i128),
+        };
+        let time = time.ok_or_else(|| {
+            let what = format!("\"{text}\" is not a time; expected is a number such as 12.34");
+            self.cell_error(0, line, name, what)
+        })?;
+        let mut values = [0.0; 6];
+        let mut empty = 0;
+        for (i, value) in values.iter_mut().enumerate() {
+            let text = cell(i + 1)?;
+            if text.is_empty() {
+                empty += 1;
+                continue;
+            }
+            *value = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+                let unit = DEGREES_OF_FREEDOM[i].unit;
+                let what = format!("\"{text}\" is not a number in {unit}; expected is one such as -12.5");
+                self.cell_error(i + 1, line, name, what)
+            })?;
+        }
+        match empty {
+            0 => Ok((time, Some(values))),
+            6 => Ok((time, None)),
+            _ => {
+                let i = (1..7).find(|i| row.get(self.at[*i]) == Some("")).unwrap_or(1);
+                let what = "the cell is empty; a row has all six values or none of them".to_owned();
+                Err(self.cell_error(i, line, name, what))
+            }
+        }
+    }
+
+    fn cell_error(&self, i: usize, line: u64, name: &str, what: String) -> ReportError {
+        ReportError::Cell { name: name.to_owned(), line, column: self.names[i].clone(), what }
+    }
+}
