@@ -362,21 +362,17 @@ pub(crate) fn draw(folder: &Path, name: &str, figure: &Curves) -> anyhow::Result
 fn panel(plan: &Plan, degree: usize, drawn: &[(Look, &str, &Evaluation)]) -> Panel {
     let of = DEGREES_OF_FREEDOM[degree];
     let digits = if of.is_angle { 3 } else { 2 };
-    let figures = |s: &Statistics| {
-        format!("MAX {:.digits$}, RMSE {:.digits$} {}", s.max[degree], s.rmse[degree], of.unit_sign)
+    // A space before mm, none before the sign of degrees.
+    let unit = if of.is_angle { of.unit_sign.to_owned() } else { format!(" {}", of.unit_sign) };
+    let figures = |s: &Statistics, digits: usize| {
+        format!("MAX {:.digits$}, RMSE {:.digits$}{unit}", s.max[degree], s.rmse[degree])
     };
-    let published = plan.published.iter().take(2).map(|p| {
-        let s = &p.statistics;
-        let digits = digits - 1;
-        format!(
-            "{} MAX {:.digits$}, RMSE {:.digits$} {}",
-            p.name, s.max[degree], s.rmse[degree], of.unit_sign
-        )
-    });
+    let published =
+        plan.published.iter().take(2).map(|p| format!("{} {}", p.name, figures(&p.statistics, digits - 1)));
     let published = published.collect::<Vec<_>>().join("; ");
     let ours = drawn.last().and_then(|(_, label, evaluation)| {
         let deviation = evaluation.deviation.as_ref()?;
-        Some(format!("{label}: {}", figures(&table::statistics(deviation))))
+        Some(format!("{label}: {}", figures(&table::statistics(deviation), digits)))
     });
     let curve = |(look, _, evaluation): &(Look, &str, &Evaluation)| Curve {
         look: *look,

@@ -12,6 +12,10 @@
 //! deviation alone, and its interpolation between samples draws the offset nowhere. A constant and a small multiple of
 //! each degree of freedom are estimated along, so that what is systematic (a misaligned frame, a scale) does not pass
 //! for time. The uncertainty comes from the deviations as they are, correlated in time or not (Newey and West 1987).
+#![allow(
+    clippy::needless_range_loop,
+    reason = "sums over the six degrees of freedom read best with the indices of the formula"
+)]
 
 mod fit;
 mod recorder;

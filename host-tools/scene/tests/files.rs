@@ -157,6 +157,14 @@ fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
             "bad.toml:7: camera.rate_hz: is 0, allowed is 0.1 to 1000 Hz",
         ),
         (
+            small("") + "[tolerance]\nprint_mm = -1\n",
+            "bad.toml:18: tolerance.print_mm: is -1, allowed is 0 to 10 mm",
+        ),
+        (
+            small("") + "[[motion.stairs]]\ndegree = \"x\"\nsize = 1\nsteps = 0\nstart_s = 1\nevery_s = 1\n",
+            "bad.toml:20: motion.stairs[0].steps: is 0, allowed is 1 to 100000",
+        ),
+        (
             small("").replace("rate_hz = 50.0\n", ""),
             "bad.toml:4: camera.rate_hz: is missing, allowed is 0.1 to 1000 Hz",
         ),
@@ -215,4 +223,61 @@ fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
         unknown,
         "there is no built-in scene `moon`, there are: rig, ride, 1a, 1b, 1c, 2b, 2c; or name a scene file"
     );
+}
+
+/// Standard deviation of what moves the first circle, px in u, over many seeds.
+fn spread(tolerance: &str) -> f64 {
+    let scene =
+        |seed| Scene::parse(&(small("") + "[tolerance]\n" + tolerance), "s.toml").unwrap().with_seed(seed);
+    let exact = Scene::parse(&small(""), "s.toml").unwrap().centres(0)[0][0].unwrap();
+    let moved = |seed| scene(seed).centres(0)[0][0].unwrap()[0] - exact[0];
+    (((0..400).map(moved).map(|d| d * d).sum::<f64>()) / 400.0).sqrt()
+}
+
+#[test]
+fn tolerances_have_the_sizes_that_they_say() {
+    // 400 px at 2000 mm: 0.2 px a mm. The first circle is 80 mm to the left and 60 mm up.
+    for (tolerance, expected) in [
+        ("print_mm = 1.0", 0.2),
+        ("print_scale_percent = 1.0", 0.2 * 0.8),
+        ("mounting_mm = 1.0", (0.2f64 * 0.2 + 0.008 * 0.008).sqrt()),
+        // About w, 60 mm up; about u and v by what the depth changes, which is below a hundredth of it.
+        ("mounting_deg = 1.0", 0.2 * 60.0 * 1f64.to_radians()),
+        ("focal_percent = 1.0", 0.2 * 0.8),
+        ("principal_percent = 0.5", 0.8),
+    ] {
+        // The standard deviation of 400 numbers is known to 3.5 %; three of those.
+        let found = spread(tolerance);
+        assert!((found / expected - 1.0).abs() < 0.11, "{tolerance}: {found}, not {expected}");
+    }
+}
+
+#[test]
+fn the_setup_says_what_was_meant_and_only_the_seeds_what_shows() {
+    let exact = Scene::parse(&small(""), "s.toml").unwrap();
+    let text = small("")
+        + "[tolerance]\nprint_mm = 0.5\nmounting_mm = 3.0\nmounting_deg = 1.0\nfocal_percent = 1.0\n";
+    let scene = Scene::parse(&text, "s.toml").unwrap();
+    let lines = |text: String, seeds: bool| -> Vec<String> {
+        text.lines().filter(|line| line.starts_with("seeds_px") == seeds).map(str::to_owned).collect()
+    };
+    assert_eq!(lines(exact.setup_text(), false), lines(scene.setup_text(), false));
+    assert_ne!(lines(exact.setup_text(), true), lines(scene.setup_text(), true));
+    let again = Scene::parse(&text, "s.toml").unwrap();
+    assert_eq!(again.centres(0), scene.centres(0));
+    assert_ne!(again.with_seed(9).centres(0), scene.centres(0));
+}
+
+#[test]
+fn a_box_can_be_told_of_a_part_of_the_circles() {
+    let rig = Scene::builtin("rig").unwrap();
+    let text = rig.setup_text_of(&|target, circle| target != 1 && circle < 5);
+    let setup = gangway_setup::Setup::parse(&text, "setup.toml").unwrap();
+    let settings = setup.settings();
+    assert_eq!((settings.circles.len(), settings.seeds.len()), (15, 15));
+    // The first of the second target that is left is the rig's third target's.
+    let seed = settings.seeds[5].unwrap();
+    let centre = rig.centres(0)[2][0].unwrap();
+    assert!((seed[0] - centre[0]).abs() < 6e-4 && (seed[1] - centre[1]).abs() < 6e-4);
+    assert!(!text.contains("front middle"));
 }

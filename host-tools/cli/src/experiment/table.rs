@@ -70,15 +70,8 @@ pub(crate) fn text(published: &[Published], lines: &[Line]) -> String {
     for (block, unit, names, digits) in
         [(0, "(mm)", "x / y / z", [1, 2]), (3, "(degrees)", "roll / pitch / yaw", [2, 3])]
     {
-        let _ = writeln!(
-            text,
-            "{:width$}  {:<24}{:<24}{:<24}{}",
-            unit,
-            format!("MAX {names}"),
-            "RMSE",
-            "MEAN",
-            "STD"
-        );
+        let max = format!("MAX {names}");
+        let _ = writeln!(text, "{unit:width$}  {max:<24}{:<24}{:<24}STD", "RMSE", "MEAN");
         for (label, statistics, is_published) in &rows {
             let _ = write!(text, "{label:width$}  ");
             match statistics {
