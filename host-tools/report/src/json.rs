@@ -11,6 +11,7 @@ struct Document<'a> {
     version: u32,
     session: &'a str,
     reference: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     sync: Option<&'a Alignment>,
     frames: Frames,
     flags: FlagCounts,
@@ -54,7 +55,7 @@ impl Evaluation {
     /// |---|---|
     /// | `version` | 1 |
     /// | `session`, `reference` | names; the reference is null where there is none, and so is `deviation` |
-    /// | `sync` | the fields of [`Alignment`]; null where the reference goes by frame numbers |
+    /// | `sync` | the fields of [`Alignment`]; only where a recorder was synchronised |
     /// | `frames` | counts, the fields of [`Frames`] |
     /// | `flags` | counts, the fields of [`FlagCounts`] |
     /// | `duration_s`, `rate_hz`, `rate_limit_hz` | first to last frame; rate of the frames; what R(a) asks for |

@@ -114,6 +114,16 @@ impl Recorder {
     }
 }
 
+/// Of a file that is no table at all, enough to recognise it by.
+fn printable(text: &str) -> String {
+    const MOST: usize = 160;
+    let mut short: String = text.chars().filter(|c| !c.is_control()).take(MOST).collect();
+    if text.chars().count() > MOST {
+        short.push_str(" ...");
+    }
+    short
+}
+
 /// Where the seven columns are, what the file calls them, and how many nanoseconds the unit of time has.
 struct Columns {
     at: [usize; 7],
@@ -135,7 +145,7 @@ impl Columns {
             let mut fits =
                 header.iter().enumerate().filter(|(_, column)| allowed.contains(&plain_name(column)));
             let Some((position, column)) = fits.next() else {
-                let has = header.iter().collect::<Vec<_>>().join(", ");
+                let has = printable(&header.iter().collect::<Vec<_>>().join(", "));
                 let wanted = allowed.join(" or ");
                 return Err(error(format!("the column {wanted} is missing; the header has: {has}")));
             };
