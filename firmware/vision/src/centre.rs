@@ -1,8 +1,8 @@
 //! The sub-pixel centre: a model ring with blurred edges fitted to the grey levels.
 //!
 //! Gauss-Newton on the squared residuals, as the Cramer-Rao bound asks for it: a pixel counts by how much it changes
-//! when the ring moves. The radial profile of some rows settles levels, radii and blur, and centre and slope roughly;
-//! all pixels near the edges and in the white around then give centre and slope of the light together. Levels, radii
+//! when the ring moves. The radial profile of some rows settles levels, radii, blur and the white's slope, and
+//! roughly the centre; all pixels near the edges then give centre and slope of the light together. Levels, radii
 //! and blur are even about the centre and do not move it, so they need not be known as well.
 
 use core::f64::consts::TAU;
@@ -30,7 +30,7 @@ const FITTED: f64 = 2.5;
 /// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer white.
 const NO_LONGER_WHITE: f64 = 0.02;
 
-/// Rows through a ring that make its profile at the least, out of every second one.
+/// Rows through a ring that make its profile; of a small ring it is every second one.
 const PROFILE_ROWS: f64 = 12.0;
 
 /// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.

@@ -76,3 +76,53 @@ pub(crate) fn share(searches: &[Search], rings: &mut [Result<Ring, Refusal>], li
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gangway_pose::Centre;
+    use std::vec::Vec;
+
+    /// Rings at the origin whose slopes along u are these, with a variance of 1.
+    fn shared(slopes: &[f64]) -> Vec<Ring> {
+        let searches: Vec<Search> = slopes.iter().map(|_| Search::round([0.0; 2], 20.0)).collect();
+        let ring = Ring {
+            centre: Centre { at: [0.0; 2], covariance: [5.0, 0.0, 5.0] },
+            diameter_px: 20.0,
+            white: 0.8,
+            black: 0.1,
+            noise: 0.01,
+            blur_px: 0.7,
+        };
+        let mut rings: Vec<Result<Ring, Refusal>> = slopes.iter().map(|_| Ok(ring)).collect();
+        let mut lights = [Light::NONE; MAX_CIRCLES];
+        for (light, slope) in lights.iter_mut().zip(slopes) {
+            *light = Light {
+                slope: [*slope, 0.0],
+                variance: 1.0,
+                pull: [2.0, 0.0, 2.0],
+                by_slope: [4.0, 0.0, 4.0],
+            };
+        }
+        share(&searches, &mut rings, &lights);
+        rings.into_iter().map(Result::unwrap).collect()
+    }
+
+    #[test]
+    fn slopes_that_agree_within_their_noise_become_one_and_centres_follow() {
+        let rings = shared(&[0.5, -0.5, 0.5, -0.5, 0.0]);
+        // The centre goes by `pull` against what its slope is moved by: to the mean, 0.
+        assert_eq!(rings[0].centre.at, [1.0, 0.0]);
+        assert_eq!(rings[1].centre.at, [-1.0, 0.0]);
+        // Four fifths of the slope's part of the variance are gone.
+        assert!((rings[0].centre.covariance[0] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slopes_that_differ_by_more_than_noise_stay_and_so_do_those_of_few_rings() {
+        let far = shared(&[30.0, -30.0, 30.0, -30.0]);
+        assert!(far[0].centre.at[0].abs() < 0.1 && far[0].centre.covariance[0] > 4.99);
+        let few = shared(&[0.5, -0.5, 0.5]);
+        assert_eq!(few[0].centre.at, [0.0, 0.0]);
+    }
+}
