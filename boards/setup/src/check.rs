@@ -1,6 +1,6 @@
 //! What one value alone cannot show: whether the values of a setup fit one another.
 
-use gangway_pose::MAX_CIRCLES;
+use gangway_pose::{Assigner, MAX_CIRCLES};
 
 use crate::document::Document;
 use crate::geometry::{Vector, axes, distance, dot, norm, off_line, points};
@@ -13,6 +13,8 @@ const FEWEST_CIRCLES: usize = 4;
 /// Points are on one line if none is further from it than this share of their extent: the pose of anything
 /// narrower drowns in noise.
 const ON_A_LINE: f64 = 0.01;
+/// How many seeds make a first pose.
+const NEEDED: &str = "at least 4 circles not on one line need them, or none at all";
 /// The lens is tried at the nodes of a grid over the picture, this many steps wide and high.
 const LENS_STEPS: u16 = 32;
 /// Two rings cannot show nearer to each other than the smallest ring that can be measured is wide, px.
@@ -257,17 +259,29 @@ impl Document<'_> {
         }
         let seeds: Vec<Vector> =
             parts.targets.iter().flat_map(|target| &target.seeds_px).map(|[u, v]| [*u, *v, 0.0]).collect();
-        let needed = format!(
-            "until targets find themselves at least {FEWEST_CIRCLES} circles not on one line need them"
-        );
         if seeds.is_empty() {
-            self.at(None, format!("has no seeds_px; {needed}"));
+            self.check_patterns(parts);
         } else if seeds.len() < FEWEST_CIRCLES {
-            self.at(None, format!("has only {} seeds_px; {needed}", seeds.len()));
+            self.at(None, format!("has only {} seeds_px; {NEEDED}", seeds.len()));
         } else if is_line(&seeds) {
-            self.at(None, format!("has all its seeds_px on one line; {needed}"));
+            self.at(None, format!("has all its seeds_px on one line; {NEEDED}"));
         }
         self.check_seeds_apart(parts);
+    }
+
+    /// Without seeds some target must be known by its circles.
+    fn check_patterns(&mut self, parts: &Parts) {
+        let circles: Vec<_> =
+            parts.targets.iter().enumerate().flat_map(|(i, target)| crate::circles(i, target)).collect();
+        if !Assigner::new(&circles).is_able() {
+            self.at(
+                None,
+                format!(
+                    "has no seeds_px, and no target with {FEWEST_CIRCLES} circles or more, not on one line, by which it \
+                     could be found; give seeds_px"
+                ),
+            );
+        }
     }
 
     /// No circle of one target in the place of another target's.

@@ -25,6 +25,10 @@ impl Document<'_> {
                 seeded.push((i, k, circle, *seed));
             }
         }
+        // Targets without seeds find themselves.
+        if observations.is_empty() {
+            return;
+        }
         let solver = Settings { method: Method::Auto, gate_px: FURTHEST_PX, ..Settings::default() };
         let Ok(solution) = solve(&observations, &lens, &solver, None) else {
             let sentence = "has seeds_px that no place of the carbody explains; check their order, circles_mm, \

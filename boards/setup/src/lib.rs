@@ -23,7 +23,7 @@ use std::path::Path;
 
 use crate::document::Document;
 use gangway_engine::{MAX_SETUP_TEXT, Settings};
-use gangway_pose::{Circle, Lens, Shutter};
+use gangway_pose::{Circle, Lens, Pose, Shutter};
 use sha2::{Digest as _, Sha256};
 
 pub use error::{Mistake, SetupError};
@@ -128,6 +128,7 @@ impl Setup {
             lens: lens(camera),
             circles: Default::default(),
             seeds: Default::default(),
+            reference: coarse_place(camera),
             vision: parts.tracker,
             solver: parts.solver,
             rest: parts.rest,
@@ -184,6 +185,12 @@ fn lens(camera: &Camera) -> Lens {
         principal: camera.principal_px,
         distortion: camera.distortion,
     }
+}
+
+/// The carbody as a camera in this place sees it; nothing where the place is not known.
+fn coarse_place(camera: &Camera) -> Option<Pose> {
+    let turned = [camera.roll_deg, camera.pitch_deg, camera.yaw_deg];
+    (camera.position_mm != [0.0; 3]).then(|| Pose::of_camera(camera.position_mm, turned))
 }
 
 fn too_long(name: &str) -> SetupError {

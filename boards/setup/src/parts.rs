@@ -44,6 +44,14 @@ pub struct Camera {
     pub skew_px: f64,
     /// k1, k2, p1, p2, k3, in the order and direction of OpenCV.
     pub distortion: [f64; 5],
+    /// About where it is in CB_02 at rest, mm; zeros where that is not known.
+    pub position_mm: [f64; 3],
+    /// About how far it is turned there: about its line of sight.
+    pub roll_deg: f64,
+    /// Downwards.
+    pub pitch_deg: f64,
+    /// To the left.
+    pub yaw_deg: f64,
 }
 
 /// A plate with circles (thesis 3.2.2).

@@ -93,9 +93,21 @@ fn a_target_may_go_without_seeds_while_others_have_enough() {
 }
 
 #[test]
-fn a_setup_without_seeds_is_refused_in_one_sentence() {
-    let needed = "until targets find themselves at least 4 circles not on one line need them";
-    assert_eq!(said(&seeded(0).to_toml()), format!("ride.toml: has no seeds_px; {needed}"));
+fn a_setup_without_seeds_is_good_where_a_target_is_known_by_its_circles() {
+    let settings = Setup::parse(&seeded(0).to_toml(), "ride.toml").unwrap().settings();
+    assert_eq!(settings.seeds.iter().flatten().count(), 0);
+    let mut single = seeded(0);
+    single.targets.iter_mut().for_each(|target| target.circles_mm.truncate(3));
+    assert_eq!(
+        said(&single.to_toml()),
+        "ride.toml: has no seeds_px, and no target with 4 circles or more, not on one line, by which it could be \
+         found; give seeds_px"
+    );
+}
+
+#[test]
+fn too_few_seeds_are_refused_in_one_sentence() {
+    let needed = "at least 4 circles not on one line need them, or none at all";
     let mut few = seeded(1);
     few.targets[0].circles_mm.truncate(3);
     few.targets[0].seeds_px.truncate(3);
@@ -103,6 +115,21 @@ fn a_setup_without_seeds_is_refused_in_one_sentence() {
     let mut line = seeded(1);
     line.targets[0].seeds_px = (0..5).map(|i| [300.0 + 100.0 * f64::from(i), 400.0]).collect();
     assert_eq!(said(&line.to_toml()), format!("ride.toml: has all its seeds_px on one line; {needed}"));
+}
+
+#[test]
+fn a_coarse_place_of_the_camera_becomes_the_reference() {
+    let without = Setup::parse(&seeded(0).to_toml(), "ride.toml").unwrap().settings();
+    assert_eq!(without.reference, None);
+    let mut parts = seeded(0);
+    parts.camera.position_mm = [-1300.0, 20.0, 300.0];
+    parts.camera.pitch_deg = 5.0;
+    let reference = Setup::parse(&parts.to_toml(), "ride.toml").unwrap().settings().reference.unwrap();
+    let seen = reference.transform(&[-1300.0, 20.0, 300.0].into());
+    assert!(seen.norm() < 1e-9, "the camera is its own origin: {seen}");
+    // What is straight ahead of a camera that looks down by 5 degrees shows above the middle: v counts downwards.
+    let ahead = reference.transform(&[-300.0, 20.0, 300.0].into());
+    assert!((ahead.y / ahead.z + 5f64.to_radians().tan()).abs() < 1e-12 && ahead.x.abs() < 1e-9, "{ahead}");
 }
 
 #[test]

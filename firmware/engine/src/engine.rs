@@ -8,9 +8,9 @@ use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
 
-use crate::alias::{self, Doubt, Spacings};
 use crate::announce::Announcer;
 use crate::health::Pulse;
+use crate::keep::{self, Keeper, Verdict};
 use crate::light::Light;
 use crate::predict::Predictor;
 use crate::recorder::Recorder;
@@ -73,8 +73,7 @@ pub struct Engine {
     /// Rest is being looked for: at start, and after a command.
     seeking_rest: bool,
     rest: Option<Found>,
-    spacings: Spacings,
-    doubt: Doubt,
+    keeper: Keeper,
     plane: PlaneHistory,
     /// The last pose could be the other one of a plane.
     ambiguous: bool,
@@ -94,20 +93,24 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Prepares the loop: the seeds give the first pose, and that gives the first windows.
+    /// Prepares the loop: the seeds give the first pose, and that gives the first windows. Without seeds the targets are
+    /// looked for.
     ///
     /// # Errors
-    /// The seeds do not determine a pose: too few, on one line, or not where these targets can be seen.
+    /// The seeds do not determine a pose: too few, on one line, or not where these targets can be seen. There are none
+    /// and no target has enough circles to be known by them.
     pub fn new(settings: Settings, identity: Identity) -> Result<Self, PoseError> {
-        let predictor = Predictor::from_pose(windows::seed_pose(&settings)?);
+        let seeded = settings.seeds.iter().any(Option::is_some);
+        let keeper = Keeper::new(&settings, seeded);
+        let first = if seeded || !keeper.is_able() { windows::seed_pose(&settings)? } else { Pose::FACING };
+        let predictor = Predictor::from_pose(first);
         Ok(Self {
             tracker: Tracker::new(settings.vision),
             predictor,
             rest_finder: RestFinder::new(settings.rest),
             seeking_rest: true,
             rest: None,
-            spacings: alias::spacings(&settings.circles),
-            doubt: Doubt::default(),
+            keeper,
             plane: PlaneHistory::default(),
             ambiguous: false,
             track: Track::default(),
@@ -142,10 +145,8 @@ impl Engine {
         let woken_ns = board.clock.now_ns();
         let Some(flags) = self.arrive(&frame, outbox) else { return Step::Repeated };
 
-        self.predict(frame.number());
-        self.look(&frame);
-        let solution = self.solve(&self.predictor.predict(frame.number()));
-        let solution = self.challenge(&frame, solution);
+        let solution = self.follow(&frame);
+        let solution = self.keep(&frame, solution);
         self.find_rest(frame.number(), solution.as_ref().ok(), outbox);
         let pose = self.relate(&frame, solution.as_ref(), flags);
         self.record(&pose, solution.as_ref().map_or(0, |solution| solution.used), outbox);
@@ -263,11 +264,17 @@ impl Engine {
         Some(flags)
     }
 
-    /// A window for every circle, where the last poses say that it will be.
-    fn predict(&mut self, frame: u32) {
-        let pose = self.predictor.predict(frame);
+    /// A window for every circle, where the last poses say that it will be, its ring, and the pose of them all.
+    fn follow(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
+        if !self.keeper.follows() {
+            self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
+            return Err(self.nothing());
+        }
+        let pose = self.predictor.predict(frame.number());
         let first = self.pulse.frames() == 0;
         windows::searches(&self.settings, &pose, first, &mut self.searches);
+        self.look(frame);
+        self.solve(&pose)
     }
 
     /// Every ring in its window.
@@ -297,20 +304,28 @@ impl Engine {
         Ok(solution)
     }
 
-    /// A pose that misses too many rings is tried against its neighbours on the lattice of circles. The next
-    /// windows follow from what stands in the end.
-    fn challenge(
+    /// What the windows showed stands, or something better is found, or nothing. The next windows follow from that.
+    fn keep(
         &mut self,
         frame: &Frame<'_>,
         solution: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
-        let in_picture = windows::in_picture(&self.searches, self.settings.picture);
-        let doubtful = self.doubt.arises(frame.number(), used(&solution), in_picture);
-        let mut found = if doubtful { self.best_neighbour(frame, solution, in_picture) } else { solution };
+        let in_picture = self.in_picture();
+        let reference = self.rest.as_ref().map(|found| found.pose.pose).or(self.settings.reference);
+        let verdict = self.keeper.judge(
+            frame,
+            &self.settings,
+            &self.searches,
+            &solution,
+            in_picture,
+            reference.as_ref(),
+        );
+        let mut found = match verdict {
+            Verdict::Keep => solution,
+            Verdict::Refuse => solution.and(Err(PoseError::NoConsensus)),
+            Verdict::Try(pose) => self.look_from(frame, &pose, solution),
+        };
         self.choose_side(frame.number(), &mut found);
-        if alias::is_trusted(used(&found), in_picture) {
-            self.doubt = Doubt::default();
-        }
         if let Ok(pose) = found.map(|solution| solution.pose) {
             self.predictor.update(frame.number(), pose);
             self.track.follow(frame.time_ns(), &pose);
@@ -319,46 +334,35 @@ impl Engine {
                 self.track.forget();
             }
         }
+        self.keeper.note(found.ok().map(|_| used(&found)), self.in_picture());
         found
     }
 
-    /// The pose with the most rings among `first` and those a spacing or two away.
-    fn best_neighbour(
+    /// The better of `first` and of what the windows of a pose show.
+    fn look_from(
         &mut self,
         frame: &Frame<'_>,
+        pose: &Pose,
         first: Result<Solution, PoseError>,
-        in_picture: u32,
     ) -> Result<Solution, PoseError> {
-        let mut best = first;
-        let mut outcomes = self.outcomes;
-        let mut searches = self.searches.clone();
-        let spacings = self.spacings.clone();
-        for _ in 0..alias::ROUNDS {
-            let before = used(&best);
-            let predicted = self.predictor.predict(frame.number());
-            let base = best.as_ref().map_or(predicted, |solution| solution.pose);
-            for spacing in &spacings {
-                if alias::is_trusted(used(&best), in_picture) {
-                    break;
-                }
-                let pose = alias::shifted(&base, spacing);
-                windows::searches(&self.settings, &pose, false, &mut self.searches);
-                self.look(frame);
-                let other = self.solve(&pose);
-                if used(&other) > used(&best) {
-                    best = other;
-                    outcomes = self.outcomes;
-                    searches.clone_from(&self.searches);
-                }
-            }
-            // From the same pose the next round would try the same neighbours.
-            if used(&best) == before {
-                break;
-            }
+        let (outcomes, searches) = (self.outcomes, self.searches.clone());
+        windows::searches(&self.settings, pose, false, &mut self.searches);
+        self.look(frame);
+        let other = self.solve(pose);
+        if used(&other) > used(&first) {
+            return other;
         }
-        self.outcomes = outcomes;
-        self.searches = searches;
-        best
+        (self.outcomes, self.searches) = (outcomes, searches);
+        first
+    }
+
+    fn in_picture(&self) -> u32 {
+        windows::in_picture(&self.searches, self.settings.picture)
+    }
+
+    /// No circle is seen.
+    fn nothing(&self) -> PoseError {
+        PoseError::TooFew { circles: 0, needed: self.settings.solver.min_circles }
     }
 
     /// Of a plane's two poses the one that follows from the frames before.
@@ -408,8 +412,7 @@ impl Engine {
         if solution.is_ok() && used.count_ones() as usize != self.seen() {
             flags |= PoseFlags::OUTLIERS;
         }
-        let in_picture = windows::in_picture(&self.searches, self.settings.picture);
-        if solution.is_ok() && !alias::is_trusted(used.count_ones(), in_picture) {
+        if solution.is_ok() && !keep::is_trusted(used.count_ones(), self.in_picture()) {
             flags |= PoseFlags::SPARSE;
         }
         let markers = used.count_ones() as u8;

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! Camera -> Frame -> windows -> rings -> pose -> motion -> records -> Outbox -> (link thread) -> host
-//!           arrive   predict    look     solve,  relate    record
-//!                                        challenge
+//!           arrive   follow     look     solve,  relate    record
+//!                                        keep
 //! ```
 //!
 //! A step never allocates, never panics, writes no text and waits nowhere but for the camera's next frame.
@@ -11,10 +11,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod alias;
+mod acquire;
 mod announce;
 mod engine;
 mod health;
+mod keep;
 mod light;
 mod outbox;
 mod predict;

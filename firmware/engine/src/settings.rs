@@ -1,6 +1,6 @@
 //! Everything the frame loop is told before it starts, validated by whoever makes it (the setup file).
 
-use gangway_pose::{Circle, Lens, MAX_CIRCLES, Shutter};
+use gangway_pose::{Circle, Lens, MAX_CIRCLES, Pose, Shutter};
 use heapless::{String, Vec};
 
 use crate::{MAX_NAME, MAX_SETUP_TEXT};
@@ -57,6 +57,9 @@ pub struct Settings {
     pub circles: Vec<Circle, MAX_CIRCLES>,
     /// Where each circle is at rest, px, as far as the setup says: one entry a circle.
     pub seeds: Vec<Option<[f64; 2]>, MAX_CIRCLES>,
+    /// About where the carbody is at rest in the camera, where the setup says it: of two poses that show the same, the one
+    /// within the limits of the motion from here is taken.
+    pub reference: Option<Pose>,
     /// The tracker.
     pub vision: gangway_vision::Settings,
     /// The pose solver.

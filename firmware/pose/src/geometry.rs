@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::motion::rotation;
+
 /// A circle of a target, in the frame of the carbody that carries the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
@@ -45,6 +47,20 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// A carbody one metre before the camera, axis for axis: for where a pose must be and none is known.
+    pub const FACING: Self = Self {
+        rotation: Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0),
+        translation: Vector3::new(0.0, 0.0, 1000.0),
+    };
+
+    /// The carbody that a camera at `position` (mm, in the carbody) sees, turned by roll, pitch (positive looks down) and
+    /// yaw (positive to the left), degrees, from looking along the carbody's x.
+    pub fn of_camera(position: [f64; 3], turned_deg: [f64; 3]) -> Self {
+        let [roll, pitch, yaw] = turned_deg.map(f64::to_radians);
+        let turned = Self::FACING.rotation * rotation(roll, pitch, yaw).transpose();
+        Self { rotation: turned, translation: -(turned * Vector3::from(position)) }
+    }
+
     /// A carbody point in camera coordinates, mm.
     pub fn transform(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * point + self.translation

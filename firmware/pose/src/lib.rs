@@ -11,7 +11,11 @@
     reason = "sums over a matrix read best with the indices of the formula"
 )]
 
+#[cfg(test)]
+extern crate std;
+
 mod ambiguity;
+mod assign;
 mod circle;
 mod dlt;
 mod eigen;
@@ -33,9 +37,11 @@ mod scatter;
 mod search;
 mod settings;
 mod shutter;
+mod sighting;
 mod solve;
 
 pub use ambiguity::{Alternative, DECISIVE};
+pub use assign::{Assigned, Assigner, Progress, Unassigned, View};
 pub use circle::{Projected, project_circle};
 pub use error::PoseError;
 pub use geometry::{Centre, Circle, Observation, Pose};
@@ -45,6 +51,7 @@ pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
 pub use rest::{MAX_REST_POSES, rest_mean};
 pub use settings::{Method, Settings};
 pub use shutter::{Shutter, Track, solve_in_motion};
+pub use sighting::Sighting;
 pub use solve::{Solution, solve};
 
 /// Most circles that one setup may have, over all its targets.

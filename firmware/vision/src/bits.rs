@@ -145,7 +145,7 @@ fn compare(block: &[u8; 64], threshold: u8, columns: &mut [u8; 16]) {
 /// Bit k of byte j for bit j of byte k: swaps single bits, then squares of 2 x 2, then of 4 x 4 (H. S. Warren, Hacker's
 /// Delight, 7-3).
 #[inline(always)]
-fn transposed(mut x: u64) -> u64 {
+pub(crate) fn transposed(mut x: u64) -> u64 {
     for (mask, shift) in
         [(0x00aa_00aa_00aa_00aa, 7), (0x0000_cccc_0000_cccc, 14), (0x0000_0000_f0f0_f0f0, 28)]
     {

@@ -9,6 +9,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod acquire;
 mod bits;
 mod candidate;
 mod centre;
@@ -29,6 +30,7 @@ mod synthetic;
 mod threshold;
 mod tracker;
 
+pub use acquire::{Acquisition, MAX_SIGHTINGS};
 pub use refusal::Refusal;
 pub use search::{Ring, Search};
 pub use settings::Settings;

@@ -69,20 +69,7 @@ impl Plane {
         self.height = rect.height.min(MAX_SIDE);
         for (row, y) in self.rows.iter_mut().take(self.height).zip(rect.y..) {
             let Some(into) = row.get_mut(..self.width) else { continue };
-            match samples(frame, rect.x, y, self.width) {
-                Samples::Byte(bytes) => into.copy_from_slice(bytes),
-                Samples::Spread(bytes, step) => {
-                    into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = *from)
-                }
-                Samples::Word(bytes, bits) => {
-                    let shift = bits.saturating_sub(8).min(8);
-                    for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
-                        // Stray bits above the significant ones would wrap round; they count as white.
-                        *to = (u16::from_le_bytes([from[0], from[1]]) >> shift).min(255) as u8;
-                    }
-                }
-                Samples::None => into.fill(0),
-            }
+            top_bits(frame, rect.x, y, into);
         }
     }
 
@@ -102,6 +89,29 @@ impl Plane {
         }
         plane
     }
+}
+
+/// Takes the top 8 bits of row `y` from column `x` on, as many samples as `into` has.
+#[inline]
+fn top_bits(frame: &Frame, x: u16, y: u16, into: &mut [u8]) {
+    match samples(frame, x, y, into.len()) {
+        Samples::Byte(bytes) => into.copy_from_slice(bytes),
+        Samples::Spread(bytes, step) => {
+            into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = *from)
+        }
+        Samples::Word(bytes, bits) => {
+            for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
+                *to = top_of_word([from[0], from[1]], bits);
+            }
+        }
+        Samples::None => into.fill(0),
+    }
+}
+
+/// Stray bits above the significant ones would wrap round; they count as white.
+#[inline]
+fn top_of_word(word: [u8; 2], bits: u8) -> u8 {
+    (u16::from_le_bytes(word) >> bits.saturating_sub(8).min(8)).min(255) as u8
 }
 
 /// Takes `count` samples, at most a block, of row `y` of the picture from column `x` on at full depth. What is in `into`
@@ -134,6 +144,24 @@ pub(crate) fn load_block(frame: &Frame, (x, y): (u16, u16), count: usize, into: 
 fn widen(bytes: &[u8; BLOCK], into: &mut [f32; BLOCK]) {
     for i in 0..BLOCK {
         into[i] = f32::from(bytes[i]);
+    }
+}
+
+/// Takes the top 8 bits of row `y` from its first column on, as many samples as `into` has.
+pub(crate) fn load_top(frame: &Frame, y: u16, into: &mut [u8]) {
+    top_bits(frame, 0, y, into);
+}
+
+/// The top 8 bits of one sample; `None` outside the picture.
+#[inline(always)]
+pub(crate) fn top(frame: &Frame, x: u16, y: u16) -> Option<u8> {
+    if x >= frame.width() {
+        return None;
+    }
+    let (row, x) = (frame.row(y)?, usize::from(x));
+    match frame.layout() {
+        Layout::Byte { step, offset } => row.get(x * usize::from(step) + usize::from(offset)).copied(),
+        Layout::Word { bits } => Some(top_of_word([*row.get(2 * x)?, *row.get(2 * x + 1)?], bits)),
     }
 }
 

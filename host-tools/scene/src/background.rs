@@ -16,6 +16,10 @@ pub(crate) struct Background {
     pub(crate) grain_px: f64,
     /// Number of shapes.
     pub(crate) shapes: u32,
+    /// Number of wheels: a dark tyre, a bright rim, a dark hub.
+    pub(crate) wheels: u32,
+    /// Number of loudspeakers: rings in turn dark and bright on a box.
+    pub(crate) loudspeakers: u32,
 }
 
 /// One shape: its box, the width of its line (none: filled), whether it is round, its reflectance.
@@ -37,7 +41,7 @@ impl Background {
                 Lattice::new(width, height, (self.grain_px * size).max(1.0), weight, &mut random)
             })
             .collect();
-        let shapes: Vec<Shape> = (0..self.shapes)
+        let mut shapes: Vec<Shape> = (0..self.shapes)
             .map(|_| {
                 let round = random.random_bool(0.25);
                 let half = [random.random_range(6.0..80.0), random.random_range(6.0..80.0)];
@@ -50,6 +54,23 @@ impl Background {
                 }
             })
             .collect();
+        // Drawn last: a scene without them looks as it did.
+        for _ in 0..self.wheels {
+            let (middle, radius) = place(width, height, &mut random);
+            let tyre = random.random_range(0.5..0.75);
+            shapes.extend(discs(middle, radius, &[(1.0, 0.06), (tyre, 0.55), (0.3 * tyre, 0.12)]));
+        }
+        for _ in 0..self.loudspeakers {
+            let (middle, radius) = place(width, height, &mut random);
+            let box_level = random.random_range(0.3f32..0.8);
+            let half = [1.3 * radius, random.random_range(1.3..2.6) * radius];
+            shapes.push(Shape { middle, half, line: None, round: false, level: box_level });
+            shapes.extend(discs(
+                middle,
+                radius,
+                &[(1.0, 0.08), (0.82, 0.5), (0.72, 0.1), (0.36, 0.6), (0.2, 0.15)],
+            ));
+        }
         let mut picture = vec![0.0; width * height];
         picture.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
             for (column, pixel) in line.iter_mut().enumerate() {
@@ -62,6 +83,23 @@ impl Background {
         });
         picture
     }
+}
+
+/// Where a ring-like thing is, and its radius, px.
+fn place(width: usize, height: usize, random: &mut Pcg64Mcg) -> ([f64; 2], f64) {
+    let middle = [random.random_range(0.0..width as f64), random.random_range(0.0..height as f64)];
+    (middle, random.random_range(7.0..45.0))
+}
+
+/// Discs about one middle, the largest first: share of the radius and level of each.
+fn discs(middle: [f64; 2], radius: f64, all: &[(f64, f32)]) -> impl Iterator<Item = Shape> {
+    all.iter().map(move |&(share, level)| Shape {
+        middle,
+        half: [share * radius; 2],
+        line: None,
+        round: true,
+        level,
+    })
 }
 
 impl Shape {
@@ -122,9 +160,24 @@ impl Lattice {
 mod tests {
     use super::*;
 
+    const NOTHING: Background =
+        Background { level: 0.0, texture: 0.0, grain_px: 1.0, shapes: 0, wheels: 0, loudspeakers: 0 };
+
+    #[test]
+    fn wheels_and_loudspeakers_are_rings_each_of_its_own() {
+        let plain = Background { level: 0.3, ..NOTHING };
+        for ringed in
+            [Background { wheels: 3, ..plain.clone() }, Background { loudspeakers: 3, ..plain.clone() }]
+        {
+            let picture = ringed.paint(400, 400, 7);
+            let share = |test: fn(&f32) -> bool| picture.iter().filter(|p| test(p)).count();
+            assert!(share(|p| *p < 0.1) > 100 && share(|p| *p > 0.45) > 20, "black and bright rings");
+        }
+    }
+
     #[test]
     fn the_background_has_its_level_its_texture_and_follows_its_seed() {
-        let background = Background { level: 0.4, texture: 0.05, grain_px: 6.0, shapes: 0 };
+        let background = Background { level: 0.4, texture: 0.05, grain_px: 6.0, ..NOTHING };
         let picture = background.paint(300, 200, 7);
         let mean = picture.iter().sum::<f32>() / picture.len() as f32;
         let variance = picture.iter().map(|p| (p - mean).powi(2)).sum::<f32>() / picture.len() as f32;
@@ -137,7 +190,7 @@ mod tests {
 
     #[test]
     fn shapes_change_the_picture() {
-        let plain = Background { level: 0.4, texture: 0.0, grain_px: 6.0, shapes: 0 };
+        let plain = Background { level: 0.4, texture: 0.0, grain_px: 6.0, ..NOTHING };
         assert!(plain.paint(64, 64, 7).iter().all(|p| *p == 0.4));
         let shaped = Background { shapes: 5, ..plain };
         assert!(shaped.paint(64, 64, 7).iter().any(|p| *p != 0.4));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::background::Background;
 use crate::error::Mistake;
-use crate::file::{Degree, SceneFile, Side, TargetTable};
+use crate::file::{Degree, PersonTable, SceneFile, Side, TargetTable};
 use crate::keys::{self, join};
 use crate::light::{Fall, Light};
 use crate::motion::{Motion, Motions, Term};
@@ -33,6 +33,8 @@ pub(crate) struct Parts {
     pub(crate) light: Light,
     pub(crate) background: Background,
     pub(crate) plates: Vec<Plate>,
+    /// Sheets with rings on the carbody that are no targets.
+    pub(crate) posters: Vec<Plate>,
     pub(crate) motion: Motion,
     pub(crate) occluders: Vec<Occluder>,
     pub(crate) tolerance: Tolerance,
@@ -100,6 +102,12 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
         .enumerate()
         .map(|(i, table)| plate(table, &format!("target[{i}]")))
         .collect::<Result<_, _>>()?;
+    let posters = file
+        .poster
+        .iter()
+        .enumerate()
+        .map(|(i, table)| plate(table, &format!("poster[{i}]")))
+        .collect::<Result<_, _>>()?;
     Ok(Parts {
         frames,
         size,
@@ -116,8 +124,11 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
             texture: keys::TEXTURE.take("background", file.background.texture)?,
             grain_px: keys::GRAIN.take("background", file.background.grain_px)?,
             shapes: keys::SHAPES.take_whole("background", file.background.shapes)?,
+            wheels: keys::WHEELS.take_whole("background", file.background.wheels)?,
+            loudspeakers: keys::LOUDSPEAKERS.take_whole("background", file.background.loudspeakers)?,
         },
         plates,
+        posters,
         motion: motion(file, table, rate_hz)?,
         occluders: occluders(file, size)?,
         tolerance: tolerance(file)?,
@@ -343,6 +354,9 @@ fn occluders(file: &SceneFile, [width, height]: [u32; 2]) -> Result<Vec<Occluder
         });
     }
     let (width, height) = (f64::from(width), f64::from(height));
+    for (i, table) in file.person.iter().enumerate() {
+        all.extend(person(table, &format!("person[{i}]"), [width, height])?);
+    }
     for (i, table) in file.post.iter().enumerate() {
         let at = format!("post[{i}]");
         let post = keys::POST_WIDTH.take(&at, table.width_px)?;
@@ -363,6 +377,45 @@ fn occluders(file: &SceneFile, [width, height]: [u32; 2]) -> Result<Vec<Occluder
         });
     }
     Ok(all)
+}
+
+/// A person who comes in from one side, stands and goes on to the other: head, trunk and two legs. The feet are below
+/// the picture.
+fn person(
+    table: &PersonTable,
+    at: &str,
+    [width, height]: [f64; 2],
+) -> Result<impl Iterator<Item = Occluder> + use<>, Mistake> {
+    let wide = keys::PERSON_WIDTH.take(at, table.width_px)?;
+    let tall = keys::PERSON_HEIGHT.take(at, table.height_px)?;
+    let stands = keys::PERSON_AT.take(at, table.at_px)?;
+    let times = [
+        keys::PERSON_ENTERS.take(at, table.enters_s)?,
+        keys::PERSON_STANDS.take(at, table.stands_s)?,
+        keys::PERSON_GOES.take(at, table.goes_s)?,
+        keys::PERSON_LEAVES.take(at, table.leaves_s)?,
+    ];
+    rising(times.into_iter(), &join(at, "leaves_s"))?;
+    let level = keys::OCCLUDER_LEVEL.take(at, table.level)?;
+    let ends = [-0.5 - 0.5 * wide, width - 0.5 + 0.5 * wide];
+    let places = match table.to {
+        Side::Right => [ends[0], stands, stands, ends[1]],
+        Side::Left => [ends[1], stands, stands, ends[0]],
+    };
+    // A tenth of the height is below the picture's edge.
+    let top = 1.1 * height - tall;
+    // Middle and size of each piece, as shares of width and height.
+    let pieces = [
+        ([0.0, 0.07], [0.4, 0.14]),
+        ([0.0, 0.35], [1.0, 0.44]),
+        ([-0.25, 0.785], [0.4, 0.43]),
+        ([0.25, 0.785], [0.4, 0.43]),
+    ];
+    Ok(pieces.into_iter().map(move |([u, v], size)| Occluder {
+        size: [size[0] * wide, size[1] * tall],
+        path: times.iter().zip(places).map(|(t, place)| [*t, place + u * wide, top + v * tall]).collect(),
+        level,
+    }))
 }
 
 fn rising(times: impl Iterator<Item = f64>, key: &str) -> Result<(), Mistake> {

@@ -27,11 +27,15 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) tolerance: ToleranceTable,
     #[serde(default)]
+    pub(crate) poster: Vec<TargetTable>,
+    #[serde(default)]
     pub(crate) motion: MotionTable,
     #[serde(default)]
     pub(crate) occluder: Vec<OccluderTable>,
     #[serde(default)]
     pub(crate) post: Vec<PostTable>,
+    #[serde(default)]
+    pub(crate) person: Vec<PersonTable>,
     #[serde(default)]
     pub(crate) setup: SetupTables,
 }
@@ -97,6 +101,8 @@ pub(crate) struct BackgroundTable {
     pub(crate) texture: Option<f64>,
     pub(crate) grain_px: Option<f64>,
     pub(crate) shapes: Option<i64>,
+    pub(crate) wheels: Option<i64>,
+    pub(crate) loudspeakers: Option<i64>,
 }
 
 #[derive(Deserialize)]
@@ -210,6 +216,20 @@ pub(crate) struct PostTable {
     pub(crate) level: Option<f64>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PersonTable {
+    pub(crate) width_px: Option<f64>,
+    pub(crate) height_px: Option<f64>,
+    pub(crate) at_px: Option<f64>,
+    pub(crate) enters_s: Option<f64>,
+    pub(crate) stands_s: Option<f64>,
+    pub(crate) goes_s: Option<f64>,
+    pub(crate) leaves_s: Option<f64>,
+    pub(crate) to: Side,
+    pub(crate) level: Option<f64>,
+}
+
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Side {
@@ -217,10 +237,11 @@ pub(crate) enum Side {
     Right,
 }
 
-/// Tables that go into the written setup as they are.
+/// What goes into the written setup: whether the targets have seeds, and tables as they are.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SetupTables {
+    pub(crate) seeds: Option<bool>,
     pub(crate) tracker: Option<toml::Table>,
     pub(crate) solver: Option<toml::Table>,
     pub(crate) rest: Option<toml::Table>,

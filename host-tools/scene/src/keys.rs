@@ -67,8 +67,10 @@ pub(crate) const BACKGROUND: Number = optional("level", "", 0.3, 0.0, 1.0);
 pub(crate) const TEXTURE: Number = optional("texture", "", 0.06, 0.0, 1.0);
 pub(crate) const GRAIN: Number = optional("grain_px", "px", 24.0, 1.0, 1000.0);
 pub(crate) const SHAPES: Number = optional("shapes", "", 40.0, 0.0, 1000.0);
+pub(crate) const WHEELS: Number = optional("wheels", "", 0.0, 0.0, 200.0);
+pub(crate) const LOUDSPEAKERS: Number = optional("loudspeakers", "", 0.0, 0.0, 200.0);
 
-// [[target]]
+// [[target]] and [[poster]]
 pub(crate) const ORIGIN: Number = required("origin_mm", "mm", -100_000.0, 100_000.0);
 pub(crate) const OUTER: Number = required("outer_diameter_mm", "mm", 1.0, 10_000.0);
 pub(crate) const INNER: Number = required("inner_diameter_mm", "mm", 0.5, 10_000.0);
@@ -107,6 +109,15 @@ pub(crate) const OCCLUDER_LEVEL: Number = optional("level", "", 0.1, 0.0, 1.0);
 pub(crate) const POST_WIDTH: Number = required("width_px", "px", 0.0, 20_000.0);
 pub(crate) const POST_ENTERS: Number = required("enters_s", "s", 0.0, 1e6);
 pub(crate) const POST_LEAVES: Number = required("leaves_s", "s", 0.0, 1e6);
+
+// [[person]]
+pub(crate) const PERSON_WIDTH: Number = optional("width_px", "px", 420.0, 1.0, 20_000.0);
+pub(crate) const PERSON_HEIGHT: Number = optional("height_px", "px", 1400.0, 1.0, 20_000.0);
+pub(crate) const PERSON_AT: Number = required("at_px", "px", -1e4, 1e4);
+pub(crate) const PERSON_ENTERS: Number = required("enters_s", "s", 0.0, 1e6);
+pub(crate) const PERSON_STANDS: Number = required("stands_s", "s", 0.0, 1e6);
+pub(crate) const PERSON_GOES: Number = required("goes_s", "s", 0.0, 1e6);
+pub(crate) const PERSON_LEAVES: Number = required("leaves_s", "s", 0.0, 1e6);
 
 impl Number {
     /// The value in the table called `table`, or the default.

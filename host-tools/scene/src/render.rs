@@ -110,6 +110,7 @@ impl<'a> Studio<'a> {
         let mut views: Vec<View<'a>> = parts
             .plates
             .iter()
+            .chain(&parts.posters)
             .filter_map(|plate| View::new(plate, &poses, &parts.lens, &canvas, self.aperture))
             .collect();
         views.sort_by(|a, b| b.depth.total_cmp(&a.depth));

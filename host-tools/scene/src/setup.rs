@@ -74,7 +74,7 @@ fn write_text(
         writeln!(out, "inner_diameter_mm = {:?}", 2.0 * plate.radii[1])?;
         let circles: Vec<[f64; 2]> = known.iter().map(|circle| plate.circles[*circle]).collect();
         writeln!(out, "circles_mm = {circles:?}")?;
-        if let Some(seeds) = seeds(seen, seen_plate) {
+        if let Some(seeds) = seeds(seen, seen_plate).filter(|_| tables.seeds != Some(false)) {
             let rounded: Vec<String> =
                 known.iter().map(|i| format!("[{:.3}, {:.3}]", seeds[*i][0], seeds[*i][1])).collect();
             writeln!(out, "seeds_px = [{}]", rounded.join(", "))?;

@@ -1,0 +1,255 @@
+//! Never lost, never wrong: whether the rings that were found are taken, doubted or looked for anew.
+//!
+//! Equal circles on a lattice: a jump by most of their spacing looks like a small jump the other way, and the rings that
+//! have a neighbour there agree on it. What gives it away is that the others are missing, and that rings stand where
+//! there should be none. So a pose that misses many circles is in doubt: the whole picture is swept for rings, and what
+//! these show stands. Once nothing was found for some frames, nothing is taken for granted any more: only what the whole
+//! picture shows counts, or what contradicts nothing in it.
+
+use gangway_device::Frame;
+use gangway_pose::{Pose, PoseError, Progress, Sighting, Solution, angles, project_circle};
+use gangway_vision::Search;
+
+use crate::Settings;
+use crate::acquire::Acquirer;
+
+/// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a 7-CCC
+/// still has four of its rings on others, a 5-CCC two.
+const TRUSTED: (u32, u32) = (7, 10);
+/// Once a doubt is settled it is not raised again for so many frames, while nothing gets worse: somebody may just stand
+/// in the gangway.
+const PATIENCE: u32 = 10;
+/// Fewer circles by more than this are worse.
+const WORSE: u32 = 2;
+/// Frames without a pose after which the last one is no prediction any more.
+const COASTING_FRAMES: u32 = 3;
+/// Fewest circles that may confirm the last pose after that.
+const LEAST_CONFIRMING: u32 = 6;
+/// Rings of a size within this factor of a circle's could be it.
+const SIZE: f64 = 1.4;
+/// A ring is explained by a circle that shows within this share of the way to its nearest neighbour's middle: in the
+/// picture that was swept, and in a later one, where it may have moved on.
+const EXPLAINED: [f64; 2] = [0.2, 0.8];
+/// Rings within so many times half the way from a circle to its nearest neighbour are of its target.
+const NEIGHBOURHOOD: f64 = 3.0;
+/// The smallest ring may have become smaller to this share.
+const SMALLER: f64 = 0.85;
+/// A pose beyond this many times the limits of the motion, from rest, is not plausible.
+const BEYOND_LIMITS: f64 = 1.3;
+
+/// What is known about the targets' place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hold {
+    /// Since the last frame.
+    Kept,
+    /// Not for so many frames.
+    Missing(u32),
+    /// Nothing; whether it was known once.
+    Lost { once: bool },
+}
+
+/// What is to be done with what the windows showed.
+pub(crate) enum Verdict {
+    /// It stands.
+    Keep,
+    /// It is not taken.
+    Refuse,
+    /// The windows of this pose are to be looked into as well.
+    Try(Pose),
+}
+
+/// Decides about each frame.
+pub(crate) struct Keeper {
+    acquirer: Acquirer,
+    hold: Hold,
+    /// While lost: the next frame is looked at where the last pose was.
+    looks_back: bool,
+    /// Frame and number of circles when a doubt was settled.
+    settled: Option<(u32, u32)>,
+}
+
+impl Keeper {
+    /// Begins with a pose that is `known`, or with nothing.
+    pub(crate) fn new(settings: &Settings, known: bool) -> Self {
+        Self {
+            acquirer: Acquirer::new(settings),
+            hold: if known { Hold::Kept } else { Hold::Lost { once: false } },
+            looks_back: false,
+            settled: None,
+        }
+    }
+
+    /// Whether targets can be found without a prediction.
+    pub(crate) fn is_able(&self) -> bool {
+        self.acquirer.is_able()
+    }
+
+    /// Whether the last pose says where to look in this frame.
+    pub(crate) fn follows(&self) -> bool {
+        !matches!(self.hold, Hold::Lost { .. }) || self.looks_back
+    }
+
+    /// Judges what the windows `searches` showed, if they were looked into; goes on with the search where that is not
+    /// enough. `reference` is a pose from which the motion's limits count, if there is one.
+    pub(crate) fn judge(
+        &mut self,
+        frame: &Frame<'_>,
+        settings: &Settings,
+        searches: &[Search],
+        solution: &Result<Solution, PoseError>,
+        in_picture: u32,
+        reference: Option<&Pose>,
+    ) -> Verdict {
+        let used = solution.as_ref().map_or(0, |solution| solution.used.count_ones());
+        let lost = matches!(self.hold, Hold::Lost { .. });
+        if let Ok(solution) = solution {
+            if is_trusted(used, in_picture) {
+                return Verdict::Keep;
+            }
+            if !lost && self.waits(frame.number(), used) {
+                return Verdict::Keep;
+            }
+            if lost {
+                let confirms = used >= LEAST_CONFIRMING
+                    && !contradicts(
+                        self.acquirer.sightings(),
+                        &solution.pose,
+                        settings,
+                        searches,
+                        EXPLAINED[1],
+                    );
+                self.looks_back = false;
+                return if confirms { Verdict::Keep } else { Verdict::Refuse };
+            }
+        }
+        if self.looks_back {
+            self.looks_back = false;
+            return Verdict::Refuse;
+        }
+        self.expect(searches);
+        let is_plausible =
+            |pose: &Pose| reference.is_some_and(|reference| is_within(pose, reference, settings));
+        let progress = self.acquirer.slice(frame, settings, &is_plausible);
+        match (progress, solution) {
+            (Progress::Assigned(found), Ok(own)) => {
+                self.settled = Some((frame.number(), used));
+                if agree(&found.pose, &own.pose, settings, searches) {
+                    Verdict::Keep
+                } else {
+                    Verdict::Try(found.pose)
+                }
+            }
+            (Progress::Assigned(found), Err(_)) => Verdict::Try(found.pose),
+            (progress, Ok(own)) => {
+                let sightings = self.acquirer.sightings();
+                if self.acquirer.is_fresh()
+                    && contradicts(sightings, &own.pose, settings, searches, EXPLAINED[0])
+                {
+                    return Verdict::Refuse;
+                }
+                if progress != Progress::Going {
+                    self.settled = Some((frame.number(), used));
+                }
+                Verdict::Keep
+            }
+            (progress, Err(_)) => {
+                self.looks_back = progress != Progress::Going && self.hold == Hold::Lost { once: true };
+                Verdict::Refuse
+            }
+        }
+    }
+
+    /// Takes note of how the frame ended.
+    pub(crate) fn note(&mut self, used: Option<u32>, in_picture: u32) {
+        if let Some(used) = used {
+            self.hold = Hold::Kept;
+            self.looks_back = false;
+            if is_trusted(used, in_picture) {
+                self.settled = None;
+                self.acquirer.restart();
+            }
+            return;
+        }
+        self.settled = None;
+        self.hold = match self.hold {
+            Hold::Kept => Hold::Missing(1),
+            Hold::Missing(frames) if frames < COASTING_FRAMES => Hold::Missing(frames + 1),
+            Hold::Missing(_) => Hold::Lost { once: true },
+            lost => lost,
+        };
+    }
+
+    /// Whether a doubt was settled lately and nothing is worse since.
+    fn waits(&self, frame: u32, used: u32) -> bool {
+        self.settled
+            .is_some_and(|(settled, then)| frame.wrapping_sub(settled) < PATIENCE && used + WORSE >= then)
+    }
+
+    /// Tells the search how large the rings were that were seen last.
+    fn expect(&mut self, searches: &[Search]) {
+        let diameters = searches.iter().map(Search::diameter_px).filter(|diameter| *diameter > 0.0);
+        let smallest = diameters.fold(f64::INFINITY, f64::min);
+        if smallest.is_finite() {
+            self.acquirer.expect(SMALLER * smallest);
+        }
+    }
+}
+
+/// Whether enough of the circles in the picture went into a pose.
+pub(crate) fn is_trusted(used: u32, in_picture: u32) -> bool {
+    used > 0 && used * TRUSTED.1 >= in_picture * TRUSTED.0
+}
+
+/// Whether a pose is one that the train can have, by the limits of its motion from `reference`.
+fn is_within(pose: &Pose, reference: &Pose, settings: &Settings) -> bool {
+    let back = reference.rotation.transpose();
+    let moved = back * (pose.translation - reference.translation);
+    let turned = angles(&(back * pose.rotation)).map(f64::to_degrees);
+    let limits = &settings.limits;
+    (0..3).all(|i| {
+        moved[i] >= BEYOND_LIMITS * limits.min_mm[i]
+            && moved[i] <= BEYOND_LIMITS * limits.max_mm[i]
+            && libm::fabs(turned[i]) <= BEYOND_LIMITS * limits.max_deg[i]
+    })
+}
+
+/// Whether two poses show every circle nearer to itself than to its neighbour.
+fn agree(one: &Pose, other: &Pose, settings: &Settings, searches: &[Search]) -> bool {
+    settings.circles.iter().zip(searches).all(|(circle, search)| {
+        let at = |pose: &Pose| settings.lens.project(&pose.transform(&circle.point));
+        let (Ok(a), Ok(b)) = (at(one), at(other)) else { return true };
+        libm::hypot(a[0] - b[0], a[1] - b[1]) < search.reach_px
+    })
+}
+
+/// Whether rings stand beside a pose's circles where it has none: too many for chance. What is `within` this share of
+/// half the way to a circle's neighbour is that circle.
+fn contradicts(
+    sightings: &[Sighting],
+    pose: &Pose,
+    settings: &Settings,
+    searches: &[Search],
+    within: f64,
+) -> bool {
+    let (mut explained, mut unexplained) = (0, 0);
+    let shown = || {
+        settings.circles.iter().zip(searches).filter_map(|(circle, search)| {
+            let projected = project_circle(circle, pose, &settings.lens).ok()?;
+            Some((projected.centre, projected.diameter_px, search.reach_px))
+        })
+    };
+    for ring in sightings {
+        let size = ring.diameter_px();
+        // In halves of the way to a neighbour.
+        let nearest = shown()
+            .filter(|(_, diameter, _)| size < SIZE * diameter && *diameter < SIZE * size)
+            .map(|(at, _, reach)| libm::hypot(ring.at[0] - at[0], ring.at[1] - at[1]) / reach)
+            .fold(f64::INFINITY, f64::min);
+        if nearest < within {
+            explained += 1;
+        } else if nearest < NEIGHBOURHOOD {
+            unexplained += 1;
+        }
+    }
+    unexplained > 1 && 2 * unexplained > explained
+}

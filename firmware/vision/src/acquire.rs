@@ -1,0 +1,149 @@
+//! Finds rings anywhere in a picture, without a prediction: rows a few pixels apart are searched for the pattern white,
+//! black, white, black, white of a ring (as finder patterns of two-dimensional codes are, ISO/IEC 18004), and what shows
+//! it is looked at along eight rays. In slices: so much work a frame and no more.
+
+mod probe;
+mod row;
+
+use gangway_device::Frame;
+use gangway_pose::Sighting;
+use heapless::Vec;
+
+use crate::acquire::row::{Limits, Row};
+use crate::{MAX_SIDE, Settings};
+
+/// Most rings that one sweep can find; more ring-like things than that hide the real ones.
+pub const MAX_SIGHTINGS: usize = 96;
+
+/// Rows from one that is searched to the next, at least: the inner disc of the smallest ring (12 px, 2:1) is 6 px high.
+const ROW_STEPS: [f64; 2] = [4.0, 16.0];
+/// The same as a share of the smallest diameter, where that is known.
+const STEP_SHARE: f64 = 0.36;
+/// First row of one sweep after another, as quarters of a step: what one sweep just misses the next one hits.
+const FIRST_QUARTERS: [u16; 4] = [1, 3, 0, 2];
+/// Diameters of the rings that are looked for, px: the greatest still has a window of 2.5 diameters.
+const DIAMETERS_PX: [f64; 2] = [9.0, MAX_SIDE as f64 / 2.5];
+/// How far the blur of optics and motion takes the diameters' ratio off, as a factor.
+const RATIO_BLUR: f64 = 1.5;
+/// Rings nearer to each other than this share of a diameter are one.
+const SAME: f64 = 0.4;
+
+// Instructions, about, of what a slice is counted in.
+/// Of a pixel of a searched row, times 4.
+const WORK_FOUR_PIXELS: u32 = 14;
+/// Of a change between black and white.
+const WORK_EDGE: u32 = 40;
+/// Of a look along the rays, by how far it came.
+const WORK_PROBE: [u32; 2] = [2_500, 7_000];
+
+/// The search of whole pictures with its working memory.
+pub struct Acquisition {
+    limits: Limits,
+    /// Outer to inner diameter of what is a ring.
+    ratios: [f64; 2],
+    row: Row,
+    sightings: Vec<Sighting, MAX_SIGHTINGS>,
+    /// Size of the picture that is being swept.
+    size: (u16, u16),
+    /// Rows from one to the next.
+    step: u16,
+    /// Next row; `None` before a sweep.
+    next: Option<u16>,
+    sweeps: usize,
+}
+
+impl Acquisition {
+    /// A search with the tracker's settings for rings whose outer to inner diameter is from `ratios[0]` to `ratios[1]`.
+    pub fn new(settings: &Settings, ratios: [f64; 2]) -> Self {
+        Self {
+            limits: Limits::new(settings.min_contrast, ratios),
+            ratios: [ratios[0] / RATIO_BLUR, ratios[1] * RATIO_BLUR],
+            row: Row::new(),
+            sightings: Vec::new(),
+            size: (0, 0),
+            step: ROW_STEPS[0] as u16,
+            next: None,
+            sweeps: 0,
+        }
+    }
+
+    /// Says how large the smallest ring shows, px, where that is known: fewer rows are enough for larger rings.
+    pub fn expect(&mut self, diameter_px: f64) {
+        // A value that is no number becomes the least step.
+        self.step = (STEP_SHARE * diameter_px).min(ROW_STEPS[1]).max(ROW_STEPS[0]) as u16;
+    }
+
+    /// Begins a new sweep with the next picture.
+    pub fn restart(&mut self) {
+        self.next = None;
+    }
+
+    /// Whether a sweep has begun and is not over.
+    pub fn is_going(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// Goes on with the sweep in this picture for about `work` instructions, which it takes off; true when the last
+    /// row is done. The next call begins a new sweep.
+    ///
+    /// A sweep over several pictures finds each ring where it was when its rows were searched.
+    pub fn advance(&mut self, frame: &Frame, work: &mut u32) -> bool {
+        let size = (frame.width(), frame.height());
+        if self.next.is_none() || self.size != size {
+            self.size = size;
+            self.sightings.clear();
+            self.next = FIRST_QUARTERS.get(self.sweeps % FIRST_QUARTERS.len()).map(|n| n * self.step / 4);
+            self.sweeps = self.sweeps.wrapping_add(1);
+        }
+        while let Some(y) = self.next.filter(|y| *y < size.1) {
+            if *work == 0 {
+                return false;
+            }
+            self.search(frame, y, work);
+            self.next = y.checked_add(self.step);
+        }
+        self.next = None;
+        true
+    }
+
+    /// The rings of the last sweep, or of the one going on.
+    pub fn sightings(&self) -> &[Sighting] {
+        &self.sightings
+    }
+
+    /// Searches one row.
+    fn search(&mut self, frame: &Frame, y: u16, work: &mut u32) {
+        let (sightings, ratios) = (&mut self.sightings, self.ratios);
+        let mut spent = u32::from(frame.width()) / 4 * WORK_FOUR_PIXELS;
+        let edges = self.row.patterns(frame, y, &self.limits, |pattern| {
+            let at = [f64::from(pattern.middle), f64::from(y)];
+            if sightings.is_full() || sightings.iter().any(|known| is_within(at, known)) {
+                return;
+            }
+            let found = probe::ring(frame, &pattern, y, ratios);
+            spent += WORK_PROBE[usize::from(found.is_some())];
+            let fits = |ring: &Sighting| {
+                let diameter = ring.diameter_px();
+                DIAMETERS_PX[0] <= diameter && diameter <= DIAMETERS_PX[1]
+            };
+            if let Some(ring) = found.filter(fits)
+                && !sightings.iter().any(|known| is_within(ring.at, known))
+            {
+                // Asked above whether it is full.
+                let _ = sightings.push(ring);
+            }
+        });
+        *work = work.saturating_sub(spent + WORK_EDGE * edges);
+    }
+}
+
+/// Whether a place is in the middle of a ring already known.
+fn is_within(at: [f64; 2], known: &Sighting) -> bool {
+    let off = [at[0] - known.at[0], at[1] - known.at[1]];
+    // Compared by squares: half a ring of the same size.
+    let reach = SAME * known.diameter_px();
+    off[0] * off[0] + off[1] * off[1] < reach * reach
+}
+
+#[cfg(test)]
+mod tests;
