@@ -33,7 +33,7 @@ const EXPLAINED: [f64; 2] = [0.2, 0.8];
 /// Rings within so many times half the way from a circle to its nearest neighbour are of its target.
 const NEIGHBOURHOOD: f64 = 3.0;
 /// The smallest ring may have become smaller to this share.
-const SMALLER: f64 = 0.85;
+const SMALLER: f64 = 0.9;
 /// A pose beyond this many times the limits of the motion, from rest, is not plausible.
 const BEYOND_LIMITS: f64 = 1.3;
 

@@ -18,7 +18,7 @@ pub const MAX_SIGHTINGS: usize = 96;
 /// Rows from one that is searched to the next, at least: the inner disc of the smallest ring (12 px, 2:1) is 6 px high.
 const ROW_STEPS: [f64; 2] = [4.0, 16.0];
 /// The same as a share of the smallest diameter, where that is known.
-const STEP_SHARE: f64 = 0.36;
+const STEP_SHARE: f64 = 0.42;
 /// First row of one sweep after another, as quarters of a step: what one sweep just misses the next one hits.
 const FIRST_QUARTERS: [u16; 4] = [1, 3, 0, 2];
 /// Diameters of the rings that are looked for, px: the greatest still has a window of 2.5 diameters.

@@ -12,6 +12,7 @@ const MAX_WIDTH: usize = 4096;
 const BLOCK: usize = 32;
 const BLOCKS: usize = MAX_WIDTH / BLOCK;
 const BLOCKS_A_WORD: usize = 64 / BLOCK;
+const BLOCK_OF_ONES: u64 = u64::MAX >> (64 - BLOCK);
 /// Least contrast as a share of the white: noise in an even white is not a pattern.
 const LEAST_SHARE: u16 = 4;
 
@@ -82,18 +83,27 @@ impl Row {
         let mut carry = 0;
         let (words, _) = self.samples.as_chunks::<64>();
         for (k, word) in words.iter().take(blocks.div_ceil(BLOCKS_A_WORD)).enumerate() {
-            for (into, next) in
-                thresholds.iter_mut().zip(self.extremes.get(BLOCKS_A_WORD * k + 1..).unwrap_or_default())
-            {
+            let mut dark = 0;
+            let mut is_mixed = false;
+            let next = self.extremes.get(BLOCKS_A_WORD * k + 1..).unwrap_or_default();
+            for (i, (into, next)) in thresholds.iter_mut().zip(next).enumerate() {
                 let low = before.0.min(here.0).min(next.0);
                 let high = before.1.max(here.1).max(next.1);
                 if is_pattern(low, high, least) {
                     threshold = low.midpoint(high).saturating_add(1);
                 }
                 *into = threshold;
+                // Most blocks are all white or all black.
+                if here.1 < threshold {
+                    dark |= BLOCK_OF_ONES << (BLOCK * i);
+                } else {
+                    is_mixed |= here.0 < threshold;
+                }
                 (before, here) = (here, *next);
             }
-            let dark = below(word, &thresholds);
+            if is_mixed {
+                dark = below(word, &thresholds);
+            }
             let mut changes = dark ^ (dark << 1 | carry);
             carry = dark >> 63;
             while changes != 0 {

@@ -92,7 +92,7 @@ fn a_sweep_in_slices_finds_what_a_sweep_at_once_finds() {
     let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]));
     let mut slices = 0;
     loop {
-        let mut work = 10_000;
+        let mut work = 5_000;
         slices += 1;
         if acquisition.advance(&frame, &mut work) {
             break;
