@@ -253,3 +253,103 @@ fn contradicts(
     }
     unexplained > 1 && 2 * unexplained > explained
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Limits, RestSettings, windows};
+    use gangway_pose::{Circle, Lens, MAX_CIRCLES};
+    use heapless::Vec;
+    use nalgebra::Vector3;
+
+    /// A die of five before a camera without distortion.
+    fn settings() -> Settings {
+        let places = [(-60.0, 62.0), (60.0, 62.0), (0.0, 0.0), (-60.0, -62.0), (60.0, -62.0)];
+        let circle = |(y, z)| Circle {
+            point: Vector3::new(0.0, y, z),
+            normal: Vector3::new(-1.0, 0.0, 0.0),
+            outer_mm: 42.0,
+            inner_mm: 21.0,
+            target: 0,
+        };
+        Settings {
+            name: Default::default(),
+            picture: (1920, 1080),
+            rate_hz: 50.0,
+            lens: Lens { focal: [1400.0; 2], skew: 0.0, principal: [960.0, 540.0], distortion: [0.0; 5] },
+            circles: places.into_iter().map(circle).collect(),
+            seeds: [None; 5].into_iter().collect(),
+            reference: None,
+            vision: Default::default(),
+            solver: Default::default(),
+            rest: RestSettings::default(),
+            limits: Limits::default(),
+            text: Default::default(),
+            digest: [0; 16],
+        }
+    }
+
+    fn searches(settings: &Settings, pose: &Pose) -> Vec<Search, MAX_CIRCLES> {
+        let mut searches = Vec::new();
+        windows::searches(settings, pose, false, &mut searches);
+        searches
+    }
+
+    /// What a sweep shows of all circles.
+    fn sightings(searches: &[Search]) -> Vec<Sighting, MAX_CIRCLES> {
+        searches.iter().map(|search| Sighting { at: search.at, shape: search.shape, ratio: 2.0 }).collect()
+    }
+
+    fn moved(pose: &Pose, by: [f64; 3]) -> Pose {
+        Pose { translation: pose.translation + pose.rotation * Vector3::from(by), ..*pose }
+    }
+
+    #[test]
+    fn a_pose_one_spacing_off_is_contradicted_by_the_rings_that_it_leaves_over() {
+        let settings = settings();
+        let truth = Pose::of_camera([-1500.0, 0.0, 0.0], [0.0; 3]);
+        let shown = sightings(&searches(&settings, &truth));
+        for (by, expected) in [([0.0; 3], false), ([0.0, 60.0, 62.0], true), ([0.0, 120.0, 0.0], true)] {
+            let pose = moved(&truth, by);
+            let windows = searches(&settings, &pose);
+            assert_eq!(contradicts(&shown, &pose, &settings, &windows, EXPLAINED[0]), expected, "{by:?}");
+        }
+    }
+
+    #[test]
+    fn rings_of_another_size_and_far_away_contradict_nothing() {
+        let settings = settings();
+        let truth = Pose::of_camera([-1500.0, 0.0, 0.0], [0.0; 3]);
+        let windows = searches(&settings, &truth);
+        let mut shown = sightings(&windows);
+        for i in 0..6 {
+            let far = Sighting { at: [100.0 + 40.0 * f64::from(i), 100.0], ..shown[0] };
+            let large = Sighting { at: [960.0, 700.0], shape: shown[0].shape.map(|m| 4.0 * m), ratio: 2.0 };
+            shown.extend([far, large]);
+        }
+        assert!(!contradicts(&shown, &truth, &settings, &windows, EXPLAINED[0]));
+    }
+
+    #[test]
+    fn a_pose_upside_down_is_beyond_the_limits_of_the_motion() {
+        let settings = settings();
+        let rest = Pose::of_camera([-1500.0, 0.0, 0.0], [0.0; 3]);
+        assert!(is_within(&moved(&rest, [10.0, 400.0, -100.0]), &rest, &settings));
+        assert!(!is_within(&moved(&rest, [10.0, 1400.0, -100.0]), &rest, &settings));
+        assert!(!is_within(&Pose::of_camera([-1500.0, 0.0, 0.0], [180.0, 0.0, 0.0]), &rest, &settings));
+    }
+
+    #[test]
+    fn after_three_frames_without_a_pose_the_last_one_is_no_prediction_any_more() {
+        let mut keeper = Keeper::new(&settings(), true);
+        for _ in 0..COASTING_FRAMES {
+            assert!(keeper.follows());
+            keeper.note(None, 5);
+        }
+        assert!(keeper.follows());
+        keeper.note(None, 5);
+        assert!(!keeper.follows());
+        keeper.note(Some(5), 5);
+        assert!(keeper.follows());
+    }
+}
