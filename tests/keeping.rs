@@ -118,7 +118,8 @@ fn play(added: &str, covering: &str, seed: u64) -> Outcome {
     let mut without = 0;
     for frame in 0..ride.frames.len() {
         let centres: Vec<Option<[f64; 2]>> = whole.centres(frame as u32).into_iter().flatten().collect();
-        let free = count_free(&whole, &uncovered, frame as u32, &centres);
+        let both = (!covering.is_empty()).then_some([&whole, &uncovered]);
+        let free = count_free(&ride, frame, both, &centres);
         let (mut used, mut wrong) = (0, 0);
         let start = Instant::now();
         frame_loop.step_without_reading(frame, frame as u32);
@@ -149,12 +150,16 @@ fn play(added: &str, covering: &str, seed: u64) -> Outcome {
     outcome
 }
 
-/// How many rings nothing covers and light shows.
-fn count_free(whole: &Scene, uncovered: &Scene, frame: u32, centres: &[Option<[f64; 2]>]) -> usize {
-    let (width, height) = (whole.size().0 as usize, whole.size().1 as usize);
-    let (mut seen, mut plain) = (Vec::new(), Vec::new());
-    whole.render_ideal(frame, &mut seen);
-    uncovered.render_ideal(frame, &mut plain);
+/// How many rings nothing covers and light shows: where the same scene without what covers it looks as it does.
+fn count_free(ride: &Ride, frame: usize, scenes: Option<[&Scene; 2]>, centres: &[Option<[f64; 2]>]) -> usize {
+    let (width, height) = (usize::from(ride.settings.picture.0), usize::from(ride.settings.picture.1));
+    let ideal = scenes.map(|both| {
+        both.map(|scene| {
+            let mut shares = Vec::new();
+            scene.render_ideal(frame as u32, &mut shares);
+            shares
+        })
+    });
     // Half the largest ring of these scenes, with its blur.
     let half = 16.0;
     let is_free = |at: &[f64; 2]| {
@@ -162,18 +167,19 @@ fn count_free(whole: &Scene, uncovered: &Scene, frame: u32, centres: &[Option<[f
         if u < half || v < half || u + half >= width as f64 || v + half >= height as f64 {
             return false;
         }
-        let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
+        let (mut least, mut most) = (u8::MAX, 0);
         for y in (v - half) as usize..=(v + half) as usize {
             for x in (u - half) as usize..=(u + half) as usize {
-                let (a, b) = (seen[y * width + x], plain[y * width + x]);
-                if (a - b).abs() > 1e-3 {
+                let at = y * width + x;
+                if ideal.as_ref().is_some_and(|[seen, plain]| (seen[at] - plain[at]).abs() > 1e-3) {
                     return false;
                 }
-                (least, most) = (least.min(a), most.max(a));
+                least = least.min(ride.frames[frame][at]);
+                most = most.max(ride.frames[frame][at]);
             }
         }
-        // The tracker's least contrast, with room for noise.
-        most - least > 0.05
+        // The tracker's least contrast, 8 grey levels, with room for noise.
+        most - least > 14
     };
     centres.iter().flatten().filter(|at| is_free(at)).count()
 }

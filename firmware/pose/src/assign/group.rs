@@ -284,7 +284,8 @@ fn fitted(plate: &Plate, group: &Group, rings: &[Sighting]) -> Option<Affine> {
     }
     let det = determinant(&spread);
     // On one line they show no plane.
-    if !(det > 1e-3 * square(spread[0] + spread[2])) {
+    let is_plane = det > 1e-3 * square(spread[0] + spread[2]);
+    if !is_plane {
         return None;
     }
     let row = |x: f64, y: f64| [(x * spread[2] - y * spread[1]) / det, (y * spread[0] - x * spread[1]) / det];

@@ -378,4 +378,6 @@ fn is_near(a: &Pose, b: &Pose) -> bool {
     turn < 0.05 && shift < 0.05 * a.translation.norm()
 }
 
-const _: () = assert!(MAX_RINGS < NONE as usize && MAX_GROUPS < NONE as usize);
+// Their numbers are bytes.
+const _: () = assert!(MAX_RINGS < NONE as usize);
+const _: () = assert!(MAX_GROUPS < NONE as usize);

@@ -151,8 +151,7 @@ fn a_poster_with_the_same_rings_is_not_taken_for_a_target() {
     let (circles, mut random) = (rig(), Random(13));
     let truth = pose([-4600.0, 45.0, 60.0], [0.4, -1.1, 0.6]);
     let mut rings = seen(&circles, &truth, |_| false, &mut random);
-    let poster =
-        super::tests::circles(&[(&SEVEN, [400.0, 300.0, -200.0]), (&SEVEN, [200.0, -700.0, -250.0])]);
+    let poster = self::circles(&[(&SEVEN, [400.0, 300.0, -200.0]), (&SEVEN, [200.0, -700.0, -250.0])]);
     rings.extend(seen(&poster, &truth, |_| false, &mut random));
     assert_is(assign(&circles, &rings, &unknown), &truth, 28);
     // Of the targets only one is to be seen, and the posters: nothing says which is which.
