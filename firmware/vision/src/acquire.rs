@@ -69,8 +69,9 @@ impl Acquisition {
 
     /// Says how large the smallest ring shows, px, where that is known: fewer rows are enough for larger rings.
     pub fn expect(&mut self, diameter_px: f64) {
-        // A value that is no number becomes the least step.
-        self.step = (STEP_SHARE * diameter_px).min(ROW_STEPS[1]).max(ROW_STEPS[0]) as u16;
+        let step = (STEP_SHARE * diameter_px).clamp(ROW_STEPS[0], ROW_STEPS[1]) as u16;
+        // What is no number has become zero.
+        self.step = step.max(ROW_STEPS[0] as u16);
     }
 
     /// Begins a new sweep with the next picture.
@@ -122,10 +123,7 @@ impl Acquisition {
             }
             let found = probe::ring(frame, &pattern, y, ratios);
             spent += WORK_PROBE[usize::from(found.is_some())];
-            let fits = |ring: &Sighting| {
-                let diameter = ring.diameter_px();
-                DIAMETERS_PX[0] <= diameter && diameter <= DIAMETERS_PX[1]
-            };
+            let fits = |ring: &Sighting| (DIAMETERS_PX[0]..=DIAMETERS_PX[1]).contains(&ring.diameter_px());
             if let Some(ring) = found.filter(fits)
                 && !sightings.iter().any(|known| is_within(ring.at, known))
             {
