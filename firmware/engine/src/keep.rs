@@ -280,6 +280,7 @@ mod tests {
             circles: places.into_iter().map(circle).collect(),
             seeds: [None; 5].into_iter().collect(),
             reference: None,
+            shutter: gangway_pose::Shutter::INSTANT,
             vision: Default::default(),
             solver: Default::default(),
             rest: RestSettings::default(),

@@ -110,8 +110,8 @@ pub(crate) fn measure(
     let fit = converge(&workspace.patch, &mut model, full, &start)?;
     fit.check(radial.contrast)?;
     let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
-    // Written so that a NaN is refused too.
-    if !(tilt * radial.outer <= MAX_TILT * radial.white) {
+    let is_light = tilt * radial.outer <= MAX_TILT * radial.white;
+    if !is_light {
         return Err(Refusal::Outline);
     }
     let by_slope = fit.pull * fit.pull * fit.slope_square;
@@ -167,7 +167,7 @@ fn rough(
     let mut model = Model { centre, shape, radial, slope: [0.0; 2], bias: [[0.0; 2]; 2] };
     // The candidate's centre is that of its outer edge.
     model.centre = [0, 1].map(|i| centre[i] - search.bias[i]);
-    let bias = model.into_circle(search.bias);
+    let bias = model.in_circle(search.bias);
     model.bias = [bias, bias.map(|bias| bias / (search.ratio * search.ratio))];
     Ok((rect, model))
 }
@@ -301,8 +301,8 @@ fn pass(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fi
     let (information, cross) = (0.5 * square * per_px * per_px, -0.5 * cross * per_px);
     let slope_information = 0.5 * slope_square + lean.white_information;
     let determinant = information * slope_information - cross * cross;
-    // Written so that a NaN is refused too.
-    if !(determinant > 0.0) {
+    let is_determined = determinant > 0.0;
+    if !is_determined {
         return Err(Refusal::Outline);
     }
     let side = [(inner_x - outer_x) * per_px, (inner_y - outer_y) * per_px];

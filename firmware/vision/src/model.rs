@@ -29,7 +29,7 @@ impl Model {
     }
 
     /// A step in the picture as one in the circle's plane.
-    pub(crate) fn into_circle(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn in_circle(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [uu, uv, vv] = self.root();
         [uu * u + uv * v, uv * u + vv * v]
     }
@@ -43,8 +43,8 @@ impl Model {
 
     /// A gradient in the circle's plane as one in the picture.
     pub(crate) fn gradient_out_of_circle(&self, gradient: [f64; 2]) -> [f64; 2] {
-        // The transpose of `into_circle`, which is symmetric.
-        self.into_circle(gradient)
+        // The transpose of `in_circle`, which is symmetric.
+        self.in_circle(gradient)
     }
 }
 
