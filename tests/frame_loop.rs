@@ -9,10 +9,9 @@ use gangway_wire::{LostReason, Pose, PoseFlags, Record, What};
 /// Most stated standard deviations that any of some 70 frames times 6 degrees of freedom may be off. Normal errors
 /// stay below 4; the rest pose's own part is common to all frames, and the smear of fast motion is not in them.
 const BOUND_SIGMAS: f64 = 6.0;
-/// Where the speed changes by more than this from one frame to the next, mm a frame, the smeared ring is not where
-/// the carbody is at mid-exposure: a fifth of a frame's exposure at the jerk's 38 mm a frame, one way or the other.
-const JERK_MM: f64 = 5.0;
-const BOUND_JERK_MM: f64 = 0.25 * 0.2 * 38.0;
+/// Where the speed changes, the mean place over the exposure is not that at mid-exposure: of a change in its middle the
+/// eighth of what the carbody then moves over an exposure, a fifth of a frame.
+const SMEAR: f64 = 0.2 / 8.0;
 
 /// Plays pictures in order under the numbers that are given, and collects poses and events by frame.
 fn play(
@@ -46,13 +45,15 @@ fn assert_true(ride: &Ride, poses: &BTreeMap<u32, Pose>, picture: impl Fn(u32) -
         let Some(motion) = pose.motion else { continue };
         let place = picture(pose.frame);
         let (before, now, after) = (truth(place.saturating_sub(1)), truth(place), truth(place + 1));
-        let jerks =
-            (0..3).any(|axis| (after[0][axis] - 2.0 * now[0][axis] + before[0][axis]).abs() > JERK_MM);
+        let change = |axis: usize| {
+            let [part, axis] = [axis / 3, axis % 3];
+            (after[part][axis] - 2.0 * now[part][axis] + before[part][axis]).abs()
+        };
         let measured = [motion.displacement_mm, motion.rotation_deg];
         for axis in 0..6 {
             let deviation = (f64::from(measured[axis / 3][axis % 3]) - now[axis / 3][axis % 3]).abs();
             let sigma = f64::from(motion.sigma[axis]);
-            let bound = if jerks { BOUND_JERK_MM } else { BOUND_SIGMAS * sigma };
+            let bound = BOUND_SIGMAS * sigma + SMEAR * change(axis);
             assert!(deviation < bound, "frame {}, axis {axis}: {deviation} off, sigma {sigma}", pose.frame);
         }
     }
