@@ -15,6 +15,8 @@ pub enum CameraErrorKind {
     Reopened,
     /// A frame came but is unusable: short, torn or of another size.
     Corrupt,
+    /// Still no frame, and nothing new to tell: what happened was said before.
+    Waiting,
 }
 
 /// An error that says what kind it is.

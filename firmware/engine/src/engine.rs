@@ -223,7 +223,7 @@ impl Engine {
         outbox: &mut OutboxProducer<'_>,
     ) -> Step {
         let what = match kind {
-            CameraErrorKind::Ended => None,
+            CameraErrorKind::Ended | CameraErrorKind::Waiting => None,
             CameraErrorKind::Stalled => Some(What::CameraStalled),
             CameraErrorKind::Lost => Some(What::CameraLost),
             CameraErrorKind::Reopened => Some(What::CameraReopened),
