@@ -174,6 +174,12 @@ impl<'t> Document<'t> {
                     self.pair(&format!("{path}[{i}]"), key, places, item);
                 }
             }),
+            Slot::Bytes(places) => content.as_array().and_then(|items| {
+                let number = |item: &Spanned<DeValue>| whole(item.get_ref()).filter(|n| key.within(*n));
+                items.iter().map(number).collect::<Option<Vec<f64>>>().map(|numbers| {
+                    **places = numbers.into_iter().map(|number| number as u8).collect();
+                })
+            }),
         };
         if taken.is_none() {
             self.wrong(path, value, &key.allowed(slot));

@@ -30,7 +30,7 @@ pub use error::{Mistake, SetupError};
 pub use gangway_engine::{Limits, RestSettings};
 pub use gangway_pose::{Method, Settings as SolverSettings};
 pub use gangway_vision::Settings as TrackerSettings;
-pub use parts::{Camera, Kind, Parts, Target};
+pub use parts::{Board, Camera, Capture, Kind, Parts, SampleFormat, Target};
 pub use show::{Allowed, Row, reference};
 pub use slot::Value;
 

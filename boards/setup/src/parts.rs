@@ -21,6 +21,10 @@ pub struct Parts {
     pub rest: gangway_engine::RestSettings,
     /// Limits of the motion.
     pub limits: gangway_engine::Limits,
+    /// The camera device of a Linux board.
+    pub capture: Capture,
+    /// Pins and scheduling of a Linux board.
+    pub board: Board,
 }
 
 /// Camera, picture and lens (thesis 3.3.1, 4.2.3).
@@ -119,5 +123,118 @@ impl Word for Kind {
     }
     fn choose(&mut self, index: usize) {
         *self = if index == 0 { Kind::Printed } else { Kind::Led };
+    }
+}
+
+/// The camera device of a Linux board: what to ask of it and what of its timing is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// A path, or `serial:` and the serial number of the device.
+    pub device: String,
+    /// Sample format.
+    pub format: SampleFormat,
+    /// Exposure, us; 0 leaves it as it is.
+    pub exposure_us: f64,
+    /// Gain in the driver's units; -1 leaves it as it is.
+    pub gain: f64,
+    /// Focus in the driver's units; -1 leaves it as it is.
+    pub focus: f64,
+    /// Time from one line to the next, us; 0 for a global shutter.
+    pub line_time_us: f64,
+    /// Pictures that the kernel may hold.
+    pub buffers: u8,
+}
+
+impl Default for Capture {
+    fn default() -> Self {
+        Self {
+            device: "/dev/video0".to_owned(),
+            format: SampleFormat::Auto,
+            exposure_us: 0.0,
+            gain: -1.0,
+            focus: -1.0,
+            line_time_us: 0.0,
+            buffers: 4,
+        }
+    }
+}
+
+/// How a camera shall deliver its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SampleFormat {
+    /// The best that the camera has.
+    #[default]
+    Auto,
+    /// 8-bit grey.
+    Grey,
+    /// 10-bit grey in two bytes.
+    Y10,
+    /// 12-bit grey in two bytes.
+    Y12,
+    /// 16-bit grey.
+    Y16,
+    /// The luma of 4:2:2, luma first.
+    Yuyv,
+    /// The luma of 4:2:2, chroma first.
+    Uyvy,
+    /// The luma plane of 4:2:0.
+    Nv12,
+    /// An 8-bit Bayer mosaic, taken as grey.
+    Bayer,
+}
+
+impl SampleFormat {
+    const ALL: [Self; 9] = [
+        Self::Auto,
+        Self::Grey,
+        Self::Y10,
+        Self::Y12,
+        Self::Y16,
+        Self::Yuyv,
+        Self::Uyvy,
+        Self::Nv12,
+        Self::Bayer,
+    ];
+}
+
+impl Word for SampleFormat {
+    fn words(&self) -> &'static [&'static str] {
+        &["auto", "grey", "y10", "y12", "y16", "yuyv", "uyvy", "nv12", "bayer"]
+    }
+    fn index(&self) -> usize {
+        Self::ALL.iter().position(|format| format == self).unwrap_or(0)
+    }
+    fn choose(&mut self, index: usize) {
+        *self = Self::ALL.get(index).copied().unwrap_or_default();
+    }
+}
+
+/// Pins and scheduling of a Linux board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// Pins of the lamps of lit targets.
+    pub lamp_pins: Vec<u8>,
+    /// Pin of the status lamp; 0 for none.
+    pub status_pin: u8,
+    /// Pin of the push button; 0 for none.
+    pub button_pin: u8,
+    /// Pin of the sync input; 0 for none.
+    pub sync_pin: u8,
+    /// SCHED_FIFO priority of the frame thread; 0 for the ordinary scheduler.
+    pub realtime_priority: u8,
+    /// Core of the frame thread; -1 for any.
+    pub core: f64,
+}
+
+impl Default for Board {
+    fn default() -> Self {
+        Self {
+            lamp_pins: Vec::new(),
+            status_pin: 0,
+            button_pin: 0,
+            sync_pin: 0,
+            realtime_priority: 50,
+            core: -1.0,
+        }
     }
 }

@@ -125,6 +125,7 @@ fn tables<T: Clone>(text: &mut String, name: &str, keys: &[Key<T>], defaults: &T
             Slot::Numbers(numbers) => format!("{} numbers", numbers.len()),
             Slot::Range(..) => "least, greatest".to_owned(),
             Slot::Pairs(_) => "pairs of numbers".to_owned(),
+            Slot::Bytes(_) => "whole numbers".to_owned(),
         };
         let default = match key.required {
             true => "required".to_owned(),

@@ -24,6 +24,8 @@ pub(crate) enum Slot<'a> {
     Range(&'a mut f64, &'a mut f64),
     /// Any number of pairs.
     Pairs(&'a mut Vec<[f64; 2]>),
+    /// Any number of whole numbers of one byte.
+    Bytes(&'a mut Vec<u8>),
 }
 
 /// A setting that takes one of a few words.
@@ -69,6 +71,7 @@ impl Slot<'_> {
             Slot::Numbers(numbers) => Value::Numbers(numbers.to_vec()),
             Slot::Range(least, greatest) => Value::Numbers(vec![**least, **greatest]),
             Slot::Pairs(pairs) => Value::Pairs((*pairs).clone()),
+            Slot::Bytes(bytes) => Value::Wholes((*bytes).clone()),
         }
     }
 }
@@ -88,6 +91,8 @@ pub enum Value {
     Numbers(Vec<f64>),
     /// Pairs of numbers.
     Pairs(Vec<[f64; 2]>),
+    /// Whole numbers.
+    Wholes(Vec<u8>),
 }
 
 impl fmt::Display for Value {
@@ -103,6 +108,7 @@ impl fmt::Display for Value {
             Value::Pairs(pairs) => {
                 list(f, pairs.iter(), |f, [a, b]| write!(f, "[{}, {}]", Float(*a), Float(*b)))
             }
+            Value::Wholes(numbers) => list(f, numbers.iter(), |f, number| write!(f, "{number}")),
         }
     }
 }

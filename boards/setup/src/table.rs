@@ -79,6 +79,7 @@ impl<T> Key<T> {
                 format!("[least, greatest], two numbers {between}, the least below the greatest")
             }
             Slot::Pairs(_) => format!("a list of pairs of numbers [u, v], each {between}"),
+            Slot::Bytes(_) => format!("a list of whole numbers, each {between}"),
         }
     }
 }
@@ -97,6 +98,8 @@ pub(crate) const SECTIONS: &[Section] = &[
     Section { name: "solver", required: false, keys: SOLVER },
     Section { name: "rest", required: false, keys: REST },
     Section { name: "limits", required: false, keys: LIMITS },
+    Section { name: "capture", required: false, keys: CAPTURE },
+    Section { name: "board", required: false, keys: BOARD },
 ];
 
 const HEAD: &[FileKey] = &[Key {
@@ -556,5 +559,141 @@ const LIMITS: &[FileKey] = &[
         meaning: "Greatest yaw to either side.",
         source: "1.2",
         slot: |p| Slot::Number(&mut p.limits.max_deg[2]),
+    },
+];
+
+const CAPTURE: &[FileKey] = &[
+    Key {
+        name: "device",
+        unit: "",
+        least: 1.0,
+        greatest: 255.0,
+        required: false,
+        meaning: "Camera of a Linux board: a stable path such as /dev/v4l/by-id/..., or serial:NUMBER.",
+        source: "",
+        slot: |p| Slot::Text(&mut p.capture.device),
+    },
+    Key {
+        name: "format",
+        unit: "",
+        least: 0.0,
+        greatest: 0.0,
+        required: false,
+        meaning: "Sample format; \"auto\" takes the deepest that the camera gives in this size and rate.",
+        source: "",
+        slot: |p| Slot::Word(&mut p.capture.format),
+    },
+    Key {
+        name: "exposure_us",
+        unit: "us",
+        least: 0.0,
+        greatest: 1_000_000.0,
+        required: false,
+        meaning: "Exposure, fixed; 0 leaves it as the camera has it.",
+        source: "4.1.1",
+        slot: |p| Slot::Number(&mut p.capture.exposure_us),
+    },
+    Key {
+        name: "gain",
+        unit: "driver units",
+        least: -1.0,
+        greatest: 65_535.0,
+        required: false,
+        meaning: "Gain, fixed; -1 leaves it as the camera has it.",
+        source: "",
+        slot: |p| Slot::Number(&mut p.capture.gain),
+    },
+    Key {
+        name: "focus",
+        unit: "driver units",
+        least: -1.0,
+        greatest: 65_535.0,
+        required: false,
+        meaning: "Focus, fixed; -1 leaves it as the camera has it.",
+        source: "",
+        slot: |p| Slot::Number(&mut p.capture.focus),
+    },
+    Key {
+        name: "line_time_us",
+        unit: "us",
+        least: 0.0,
+        greatest: 1_000.0,
+        required: false,
+        meaning: "Time from one line of a rolling shutter to the next; 0 for a global shutter.",
+        source: "",
+        slot: |p| Slot::Number(&mut p.capture.line_time_us),
+    },
+    Key {
+        name: "buffers",
+        unit: "",
+        least: 2.0,
+        greatest: 32.0,
+        required: false,
+        meaning: "Pictures that the kernel may hold.",
+        source: "",
+        slot: |p| Slot::Byte(&mut p.capture.buffers),
+    },
+];
+
+const BOARD: &[FileKey] = &[
+    Key {
+        name: "lamp_pins",
+        unit: "",
+        least: 1.0,
+        greatest: 27.0,
+        required: false,
+        meaning: "GPIO pins (BCM numbers) of the lamps of lit targets.",
+        source: "",
+        slot: |p| Slot::Bytes(&mut p.board.lamp_pins),
+    },
+    Key {
+        name: "status_pin",
+        unit: "",
+        least: 0.0,
+        greatest: 27.0,
+        required: false,
+        meaning: "GPIO pin of a status lamp; 0 for none.",
+        source: "",
+        slot: |p| Slot::Byte(&mut p.board.status_pin),
+    },
+    Key {
+        name: "button_pin",
+        unit: "",
+        least: 0.0,
+        greatest: 27.0,
+        required: false,
+        meaning: "GPIO pin of a push button to ground; 0 for none.",
+        source: "",
+        slot: |p| Slot::Byte(&mut p.board.button_pin),
+    },
+    Key {
+        name: "sync_pin",
+        unit: "",
+        least: 0.0,
+        greatest: 27.0,
+        required: false,
+        meaning: "GPIO pin of a sync input whose edges are recorded; 0 for none.",
+        source: "",
+        slot: |p| Slot::Byte(&mut p.board.sync_pin),
+    },
+    Key {
+        name: "realtime_priority",
+        unit: "",
+        least: 0.0,
+        greatest: 99.0,
+        required: false,
+        meaning: "SCHED_FIFO priority of the frame thread; 0 for the ordinary scheduler.",
+        source: "",
+        slot: |p| Slot::Byte(&mut p.board.realtime_priority),
+    },
+    Key {
+        name: "core",
+        unit: "",
+        least: -1.0,
+        greatest: 255.0,
+        required: false,
+        meaning: "Processor core of the frame thread; -1 for any.",
+        source: "",
+        slot: |p| Slot::Number(&mut p.board.core),
     },
 ];

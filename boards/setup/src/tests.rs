@@ -253,8 +253,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     let gate = row("solver.gate_px");
     assert_eq!((gate.value, gate.line), (Value::Number(0.5), None));
     assert_eq!(row("camera.rate_hz").default, None);
-    // 1 at the head, 9 of the camera, 10 a target, 7 + 4 + 3 + 6.
-    assert_eq!(rows.len(), 1 + 9 + 3 * 10 + 20);
+    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 7 + 6.
+    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 13);
 }
 
 /// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
@@ -291,6 +291,23 @@ fn every_setting_of_the_firmware_is_in_the_table() {
     *frames = 99;
     let Limits { min_mm, max_mm, max_deg } = &mut said.limits;
     (*min_mm, *max_mm, *max_deg) = ([-1.0, -2.0, -3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]);
+    said.capture = Capture {
+        device: "serial:42".into(),
+        format: SampleFormat::Bayer,
+        exposure_us: 3000.0,
+        gain: 0.0,
+        focus: 20.0,
+        line_time_us: 9.5,
+        buffers: 6,
+    };
+    said.board = Board {
+        lamp_pins: vec![17, 27],
+        status_pin: 22,
+        button_pin: 23,
+        sync_pin: 24,
+        realtime_priority: 0,
+        core: 3.0,
+    };
     let text = said.to_toml();
     let parts = Parts {
         name: said.name.clone(),

@@ -147,6 +147,7 @@ fn value(value: &Value) -> serde_json::Value {
         Value::Number(number) => json!(number),
         Value::Numbers(numbers) => json!(numbers),
         Value::Pairs(pairs) => json!(pairs),
+        Value::Wholes(numbers) => json!(numbers),
     }
 }
 
