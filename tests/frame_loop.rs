@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use e2e::{Loop, Ride};
+use gangway_device::{Camera, CameraErrorKind, Frame};
 use gangway_engine::{Command, OUTBOX_SLOTS, Step};
 use gangway_wire::{LostReason, Pose, PoseFlags, Record, What};
 
@@ -319,4 +320,60 @@ fn darkness_leaves_records_that_say_why_and_the_rings_are_found_again() {
 
 fn heapless_text(text: &str) -> heapless::String<64> {
     text.try_into().expect("short enough")
+}
+
+#[test]
+fn a_changed_setup_is_announced_and_numbers_run_on() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    let mut sequences = Vec::new();
+    for number in 0..20 {
+        frame_loop.step_without_reading(number as usize, number);
+    }
+    frame_loop.read(|sequence, _, _| sequences.push(sequence));
+    frame_loop.change(ride.start().engine);
+    frame_loop.step_without_reading(9, 20);
+    let mut records = Vec::new();
+    frame_loop.read(|sequence, _, record| {
+        sequences.push(sequence);
+        records.push(match record {
+            Record::Event(event) => format!("{:?} at {}", event.what, event.frame),
+            Record::Pose(pose) => {
+                format!("pose {}, waiting {}", pose.frame, pose.flags.contains(PoseFlags::WAITING))
+            }
+            other => format!("{other:?}").split(['(', ' ']).next().unwrap_or_default().to_owned(),
+        });
+    });
+    assert_eq!(records[..3], ["SetupChanged at 19", "Hello", "TimeSync"]);
+    assert!(records.contains(&"pose 20, waiting true".to_owned()), "rest is sought again: {records:?}");
+    assert!(records.contains(&"Setup".to_owned()), "{records:?}");
+    assert!(sequences.iter().zip(0..).all(|(found, wanted)| *found == wanted), "no number is missing");
+}
+
+#[test]
+fn a_camera_that_is_still_away_is_not_told_again() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    let mut told = Vec::new();
+    use CameraErrorKind::{Lost, Reopened, Waiting};
+    for kind in [Lost, Waiting, Waiting, Reopened] {
+        assert_eq!(frame_loop.step_with(&mut Away(kind)), Step::NoFrame(kind));
+        frame_loop.read(|_, _, record| {
+            if let Record::Event(event) = record {
+                told.push(format!("{:?}", event.what));
+            }
+        });
+    }
+    assert_eq!(told, ["Started", "CameraLost", "CameraReopened"]);
+}
+
+/// A camera that gives no frame.
+struct Away(CameraErrorKind);
+
+impl Camera for Away {
+    type Error = CameraErrorKind;
+
+    fn next_frame(&mut self) -> Result<Frame<'_>, CameraErrorKind> {
+        Err(self.0)
+    }
 }

@@ -76,6 +76,13 @@ impl Loop<'_> {
         self.inbox.enqueue(command).expect("the inbox has room");
     }
 
+    /// Goes on with another loop, whose setup may be another one.
+    pub fn change(&mut self, mut next: Box<Engine>) {
+        let (mut outbox, _) = self.outbox.split();
+        next.succeed(&mut self.engine, &mut outbox);
+        self.engine = next;
+    }
+
     /// One step on picture `picture` as frame `number`; every record goes to `visit`.
     pub fn step(&mut self, picture: usize, number: u32, mut visit: impl FnMut(&Record<'_>)) -> Step {
         let step = self.step_without_reading(picture, number);

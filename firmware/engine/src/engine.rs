@@ -168,6 +168,18 @@ impl Engine {
         self.recorder.event(outbox, What::Ended);
     }
 
+    /// Takes the place of `before`, whose setup was another one: goes on with its session, its numbers and counts, says
+    /// that the setup has changed and announces the new one. Rest is looked for again: it belongs to its setup.
+    pub fn succeed(&mut self, before: &mut Self, outbox: &mut OutboxProducer<'_>) {
+        core::mem::swap(&mut self.recorder, &mut before.recorder);
+        core::mem::swap(&mut self.pulse, &mut before.pulse);
+        core::mem::swap(&mut self.announcer, &mut before.announcer);
+        (self.last_frame, self.started) = (before.last_frame, before.started);
+        self.identity = before.identity;
+        self.recorder.event(outbox, What::SetupChanged);
+        self.announcer.restart();
+    }
+
     /// Frames that came since start.
     pub fn frames(&self) -> u32 {
         self.pulse.frames()
