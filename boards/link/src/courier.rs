@@ -86,6 +86,14 @@ impl<'q, L: Link> Courier<'q, L> {
         Ok(self.connected(sent)? | heard)
     }
 
+    /// Hands a command of the board itself - a button, a mark - to the frame loop.
+    ///
+    /// # Errors
+    /// The inbox is full: the command comes back, to be tried again.
+    pub fn command(&mut self, command: Command) -> Result<(), Command> {
+        self.inbox.enqueue(command)
+    }
+
     /// Turns until `stop` is set. `trouble` decides for every error of the link whether to go on.
     pub fn run(&mut self, stop: &AtomicBool, mut trouble: impl FnMut(L::Error) -> ControlFlow<()>) {
         while !stop.load(Ordering::Acquire) {
