@@ -6,7 +6,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use gangway_device::{Link, LinkError, LinkErrorKind};
-use gangway_engine::{Command, InboxProducer, OutboxConsumer};
+use gangway_engine::{Command, InboxProducer, OUTBOX_SLOTS, OutboxConsumer};
+use gangway_wire::kind;
 
 use crate::{Commands, MAX_DATAGRAM};
 
@@ -14,6 +15,10 @@ use crate::{Commands, MAX_DATAGRAM};
 pub const IDLE: Duration = Duration::from_millis(1);
 /// Sends in one turn, so that commands are heard in between.
 const SENDS_PER_TURN: usize = 64;
+/// From so many waiting records on, a busy line is too narrow; poses then have the rest of the outbox to themselves.
+const NARROW: usize = OUTBOX_SLOTS / 2;
+/// So many left out are told at once, or all of them when the line has caught up.
+const TELL: u32 = 50;
 /// How long a host may take to close its end after everything was sent.
 const GOODBYE: Duration = Duration::from_secs(2);
 
@@ -30,6 +35,8 @@ pub struct Carried {
     pub commands: u64,
     /// Commands that cannot be followed; the frame loop was told.
     pub refused: u64,
+    /// Records left out on a line too narrow for all; the frame loop was told.
+    pub thinned: u64,
 }
 
 /// Carries packets from the outbox to the link and commands from the link to the inbox.
@@ -54,6 +61,12 @@ pub struct Courier<'q, L> {
     waiting: Option<Command>,
     commands: Commands,
     carried: Carried,
+    /// Leaves markers out where the line cannot carry all.
+    thins: bool,
+    /// The line has not caught up since it last did not take everything.
+    is_busy: bool,
+    /// Left out and not told yet.
+    untold: u32,
 }
 
 impl<'q, L: Link> Courier<'q, L> {
@@ -72,7 +85,17 @@ impl<'q, L: Link> Courier<'q, L> {
             waiting: None,
             commands: Commands::default(),
             carried: Carried::default(),
+            thins: false,
+            is_busy: false,
+            untold: 0,
         }
+    }
+
+    /// Thins on a line too narrow for everything: `Markers` first. What the loop has no room for then, poses last, is
+    /// lost to the full outbox. Both are recorded.
+    pub fn thinning(mut self) -> Self {
+        self.thins = true;
+        self
     }
 
     /// One turn, never waiting. Tells whether anything moved.
@@ -171,6 +194,7 @@ impl<'q, L: Link> Courier<'q, L> {
         if self.link.connections() != self.connections {
             self.connections = self.link.connections();
             self.announce = true;
+            self.is_busy = false;
         }
         self.is_connected = true;
         match outcome {
@@ -194,6 +218,8 @@ impl<'q, L: Link> Courier<'q, L> {
                 self.fill();
             }
             let count = if self.batch.is_empty() { 0 } else { self.link.send(&self.batch)? };
+            // A line that once did not take everything is busy until nothing waits any more.
+            self.is_busy = count < self.batch.len() || (self.is_busy && !self.outbox.is_empty());
             let Some(sent) = self.batch.get(..count).filter(|sent| !sent.is_empty()) else {
                 return Ok(turn > 0);
             };
@@ -208,6 +234,13 @@ impl<'q, L: Link> Courier<'q, L> {
     /// Takes as many packets as a datagram carries.
     fn fill(&mut self) {
         while let Some(packet) = self.outbox.peek() {
+            let is_narrow = self.thins && self.is_busy && self.outbox.len() > NARROW;
+            if is_narrow && packet.kind == kind::MARKERS {
+                self.outbox.dequeue();
+                self.carried.thinned += 1;
+                self.untold += 1;
+                continue;
+            }
             if !self.batch.is_empty() && self.batch.len() + packet.bytes.len() > MAX_DATAGRAM {
                 return;
             }
@@ -219,6 +252,11 @@ impl<'q, L: Link> Courier<'q, L> {
     fn hear(&mut self) -> Result<bool, L::Error> {
         if std::mem::take(&mut self.announce) {
             self.announce = self.inbox.enqueue(Command::Announce).is_err();
+        }
+        let has_caught_up = self.outbox.len() < NARROW / 2;
+        if self.untold >= TELL || (self.untold > 0 && has_caught_up) {
+            let told = self.inbox.enqueue(Command::Thinned { count: self.untold });
+            self.untold = if told.is_ok() { 0 } else { self.untold };
         }
         if let Some(command) = self.waiting.take() {
             self.waiting = self.inbox.enqueue(command).err();

@@ -214,6 +214,7 @@ impl Engine {
                 // Who came before the start hears the start's own greeting.
                 Command::Announce if starts => {}
                 Command::Announce => self.announcer.restart(),
+                Command::Thinned { count } => self.recorder.event(outbox, What::QueueOverflow { count }),
                 Command::Refused { kind } => self.recorder.event(outbox, What::CommandRefused { kind }),
             }
         }

@@ -33,6 +33,11 @@ pub enum Command {
     },
     /// Somebody new listens: send `Hello` and what follows it.
     Announce,
+    /// The line is too narrow for everything: the link left out so many records.
+    Thinned {
+        /// Records left out since the last such command.
+        count: u32,
+    },
     /// The link received a command that it cannot hand on.
     Refused {
         /// Kind of the record.

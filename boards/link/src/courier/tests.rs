@@ -132,6 +132,67 @@ fn while_nobody_listens_packets_stay_in_the_outbox() {
     assert_eq!(courier.left(), queued);
 }
 
+/// A record of a kind, as long as the longest of that kind with 28 circles is.
+fn sized(kind: u8, frame: u32, length: usize) -> Packet {
+    let mut packet =
+        packet(&[&frame.to_be_bytes().map(|byte| byte + 1)[..], &vec![kind; length - 5]].concat());
+    packet.kind = kind;
+    packet
+}
+
+/// Plays 20 s at 50 frames/s over a line that takes `rate` bytes/s: poses and markers sent, and what the loop is told.
+fn over_a_line_of(rate: usize) -> (usize, usize, u32, Carried) {
+    const FRAMES: u32 = 1_000;
+    let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
+    let ((mut put, outbox), (inbox, mut take)) = (outbox.split(), inbox.split());
+    let link = Scripted::default();
+    link.0.borrow_mut().is_connected = true;
+    let mut courier = Courier::new(outbox, inbox, link.clone()).thinning();
+    let mut told = 0;
+    for frame in 0..FRAMES {
+        // Bytes that do not look like a delimiter.
+        let frame = frame % 100 * 0x0101;
+        assert!(put.enqueue(sized(kind::POSE, frame, 70)).is_ok(), "no pose is lost");
+        assert!(put.enqueue(sized(kind::MARKERS, frame, 290)).is_ok());
+        link.0.borrow_mut().room += rate / 50;
+        courier.turn().unwrap();
+        while let Some(command) = take.dequeue() {
+            let Command::Thinned { count } = command else { panic!("{command:?}") };
+            told += count;
+        }
+    }
+    link.0.borrow_mut().room = usize::MAX / 2;
+    while courier.left() > 0 || courier.untold > 0 {
+        courier.turn().unwrap();
+        while let Some(Command::Thinned { count }) = take.dequeue() {
+            told += count;
+        }
+    }
+    let script = link.0.borrow();
+    let records: Vec<&[u8]> = script.sent.split(|byte| *byte == 0).collect();
+    let count = |kind: u8| records.iter().filter(|record| record.last() == Some(&kind)).count();
+    (count(kind::POSE), count(kind::MARKERS), told, courier.carried())
+}
+
+#[test]
+fn a_narrow_line_carries_every_pose_and_as_many_markers_as_fit() {
+    // 115,200 baud; all of it would take 18,000 bytes/s, the poses alone 3,500.
+    let (poses, markers, told, carried) = over_a_line_of(11_520);
+    assert_eq!(poses, 1_000);
+    assert!((500..700).contains(&markers), "27 of the 50 in a second fit: {markers}");
+    assert_eq!(
+        (u64::from(told), markers + told as usize),
+        (carried.thinned, 1_000),
+        "every one left out is told"
+    );
+}
+
+#[test]
+fn a_line_wide_enough_for_everything_is_never_thinned() {
+    let (poses, markers, told, _) = over_a_line_of(23_040);
+    assert_eq!((poses, markers, told), (1_000, 1_000, 0));
+}
+
 #[test]
 fn commands_wait_for_room_in_the_inbox_and_none_is_lost() {
     let (mut outbox, mut inbox) = (Outbox::new(), Inbox::new());
