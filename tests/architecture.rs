@@ -29,6 +29,8 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
             "gangway-link",
         ],
     ),
+    ("gangway-linux", &["gangway-device", "gangway-engine", "gangway-link", "gangway-setup"]),
+    ("gangway-pi", &["gangway-device", "gangway-engine", "gangway-link", "gangway-setup", "gangway-linux"]),
     ("gangway-scene", &["gangway-setup"]),
     ("gangway-store", &["gangway-wire", "gangway-pose", "gangway-setup"]),
     ("gangway-report", &["gangway-wire", "gangway-pose", "gangway-setup", "gangway-store"]),

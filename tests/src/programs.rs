@@ -38,7 +38,17 @@ fn program(name: &str) -> PathBuf {
             Some(profile) => profile,
         };
         let built = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "--workspace", "--bins", "--profile", profile])
+            .args([
+                "build",
+                "--quiet",
+                "-p",
+                "gangway",
+                "-p",
+                "gangway-bench",
+                "--bins",
+                "--profile",
+                profile,
+            ])
             .status();
         assert!(built.is_ok_and(|status| status.success()), "the programs build");
     });

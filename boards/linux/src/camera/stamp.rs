@@ -1,0 +1,85 @@
+//! From the kernel's time of a picture to the middle of its exposure (Linux userspace API, "V4L2 buffer
+//! timestamps": the source flag says which instant the kernel noted).
+
+/// What is known of the exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Shutter {
+    /// How long a line is exposed, ns; 0 where that is not known.
+    pub exposure_ns: u64,
+    /// From the first line to the last one, ns; 0 for a global shutter.
+    pub readout_ns: u64,
+}
+
+/// What the kernel's time of a picture means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeSource {
+    /// The first line begins to be exposed.
+    StartOfExposure,
+    /// The last line has been read.
+    EndOfFrame,
+    /// A clock of its own or none: the time of arrival stands in for the end of the frame.
+    Arrival,
+}
+
+/// Number and time of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// The device's running number since it was started.
+    pub sequence: u32,
+    /// Monotonic clock at the middle of the middle line's exposure, ns.
+    pub time_ns: u64,
+    /// Where that time comes from.
+    pub source: TimeSource,
+    /// The device says that the picture is damaged.
+    pub is_damaged: bool,
+}
+
+impl Shutter {
+    /// The middle of the middle line's exposure, ns.
+    pub fn middle(&self, source: TimeSource, noted_ns: u64) -> u64 {
+        let half = (self.exposure_ns + self.readout_ns) / 2;
+        match source {
+            TimeSource::StartOfExposure => noted_ns.saturating_add(half),
+            TimeSource::EndOfFrame | TimeSource::Arrival => noted_ns.saturating_sub(half),
+        }
+    }
+}
+
+/// A picture noted longer ago than this was not noted by the monotonic clock, ns: nobody waits so long.
+const OLDEST_NS: u64 = 10_000_000_000;
+
+/// The source that the kernel's flags name, where its time can be one of the monotonic clock.
+pub(crate) fn source(is_monotonic: bool, is_start: bool, noted_ns: u64, now_ns: u64) -> TimeSource {
+    if !is_monotonic || noted_ns == 0 || noted_ns > now_ns || now_ns - noted_ns > OLDEST_NS {
+        TimeSource::Arrival
+    } else if is_start {
+        TimeSource::StartOfExposure
+    } else {
+        TimeSource::EndOfFrame
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_ends_of_an_exposure_give_the_same_middle() {
+        // The first line is exposed from 100,000 to 104,000, the last one, 6,000 later, to 110,000.
+        let shutter = Shutter { exposure_ns: 4_000, readout_ns: 6_000 };
+        assert_eq!(shutter.middle(TimeSource::StartOfExposure, 100_000), 105_000);
+        assert_eq!(shutter.middle(TimeSource::EndOfFrame, 110_000), 105_000);
+    }
+
+    #[test]
+    fn a_time_of_another_clock_is_not_taken() {
+        let now = 50_000_000_000;
+        assert_eq!(source(true, true, now - 1, now), TimeSource::StartOfExposure);
+        assert_eq!(source(true, false, now - 1, now), TimeSource::EndOfFrame);
+        for (is_monotonic, noted) in
+            [(false, now - 1), (true, 0), (true, now + 1), (true, now - OLDEST_NS - 1)]
+        {
+            assert_eq!(source(is_monotonic, true, noted, now), TimeSource::Arrival, "{noted}");
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! `gangway-pi check`: what works on this board and what does not, one line each.
+
+use std::path::Path;
+use std::time::Duration;
+
+use gangway_device::Clock as _;
+use gangway_device::Vitals as _;
+use gangway_engine::{Engine, Identity};
+use gangway_link::Address;
+use gangway_linux::camera::{Source as _, Stream as _, TimeSource, V4l2, V4l2Stream};
+use gangway_linux::{Notice, Notices, SystemClock, SystemVitals, enter, lock_memory};
+use gangway_setup::Setup;
+
+use crate::pins::Pins;
+
+/// Pictures that are waited for.
+const PICTURES: u32 = 25;
+/// The first one may take so long.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Less free space than this is worth a word, bytes: an hour of records takes some 60 MB.
+const LITTLE: u64 = 200_000_000;
+
+/// Checks everything; true when all is well.
+pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::Result<bool> {
+    let mut all = true;
+    let mut tell = |what: &str, found: Result<String, String>| {
+        all &= found.is_ok();
+        match found {
+            Ok(text) => print(&format!("ok    {what}: {text}")),
+            Err(text) => print(&format!("no    {what}: {text}")),
+        }
+    };
+    let setup = Setup::read(file)?;
+    let (parts, settings) = (setup.parts(), setup.settings());
+    let identity = Identity { box_id: 0, boot_id: 0, session_id: 0, firmware: "" };
+    let (circles, targets) = (settings.circles.len(), parts.targets.len());
+    let engine = Engine::new(settings.clone(), identity).map(Box::new);
+    tell(
+        "setup",
+        match engine {
+            Ok(_) => Ok(format!("{circles} circles on {targets} targets")),
+            Err(error) => Err(format!("the seeds give no pose ({error:?})")),
+        },
+    );
+
+    let (notices, said) = Notices::channel();
+    let mut camera = V4l2::new(parts.capture.clone(), settings.picture, settings.rate_hz, notices.clone());
+    match camera.open() {
+        Err(error) => tell("camera", Err(error.sentence)),
+        Ok(mut stream) => {
+            tell("camera", Ok(format!("{}, {}", parts.capture.device, stream.describe())));
+            tell("frames", frames(&mut stream, settings.rate_hz));
+        }
+    }
+    tell(
+        "pins",
+        match Pins::take(&parts.board, notices) {
+            Ok(_) => Ok("all that the setup names".to_owned()),
+            Err(error) => Err(format!("{error:#}")),
+        },
+    );
+    tell("line", to.open().map(|line| line.to_string()).map_err(|error| error.to_string()));
+    tell(
+        "clock",
+        match SystemClock.utc_offset_ns() {
+            Some((_, uncertainty)) => Ok(format!("UTC is known to {:.1} ms", uncertainty as f64 / 1e6)),
+            None => {
+                Err("UTC is not known; install chrony or systemd-timesyncd to have records with a date"
+                    .into())
+            }
+        },
+    );
+    let mut vitals = SystemVitals::new(Path::new("/"));
+    vitals.refresh();
+    let reading = vitals.read();
+    tell(
+        "disk",
+        match reading.free_bytes {
+            Some(free) if free >= LITTLE => Ok(format!("{} MB free", free / 1_000_000)),
+            Some(free) => Err(format!("only {} MB free; make room", free / 1_000_000)),
+            None => Err("its free space is not known".to_owned()),
+        },
+    );
+    let rights = std::thread::spawn({
+        let (priority, core) = (parts.board.realtime_priority, parts.board.core);
+        move || enter(priority, (core >= 0.0).then_some(core as usize))
+    });
+    let mut refusals = rights.join().unwrap_or_default();
+    refusals.extend(lock_memory().err());
+    tell(
+        "real time",
+        match refusals.is_empty() {
+            true => Ok("memory locked, frame thread ahead of all others".to_owned()),
+            false => Err(refusals.join("; ")),
+        },
+    );
+    for notice in said.try_iter() {
+        if let Notice::Command(gangway_engine::Command::Mark(text)) = notice {
+            print(&format!("note  {text}"));
+        }
+    }
+    Ok(all)
+}
+
+/// Waits for some pictures: their rate, the gaps between them, and what their times mean.
+fn frames(stream: &mut V4l2Stream, rate_hz: f64) -> Result<String, String> {
+    let mut stamps = Vec::new();
+    for _ in 0..PICTURES {
+        match stream.wait(PATIENCE) {
+            Ok(stamp) => stamps.push(stamp),
+            Err(error) => return Err(format!("{} came, then none ({error:?})", stamps.len())),
+        }
+    }
+    let (Some(first), Some(last)) = (stamps.first(), stamps.last()) else { return Err("none came".into()) };
+    let count = last.sequence.wrapping_sub(first.sequence);
+    let rate = f64::from(count) * 1e9 / last.time_ns.saturating_sub(first.time_ns).max(1) as f64;
+    let missed = count.saturating_sub(PICTURES - 1);
+    let source = match first.source {
+        TimeSource::StartOfExposure => "times of the start of exposure",
+        TimeSource::EndOfFrame => "times of the end of the frame",
+        TimeSource::Arrival => "times of arrival",
+    };
+    let text = format!("{rate:.2} a second, {missed} missed, {source}");
+    if (rate / rate_hz - 1.0).abs() > 0.02 {
+        Err(format!("{text}; the setup says {rate_hz}"))
+    } else {
+        Ok(text)
+    }
+}

@@ -1,0 +1,199 @@
+//! `gangway-pi`: the box on a Raspberry Pi, from the camera to the line.
+
+mod check;
+mod pins;
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::Context as _;
+use clap::{Parser, Subcommand};
+use gangway_engine::{Engine, Identity, Settings};
+use gangway_link::Address;
+use gangway_linux::camera::{Recovering, V4l2};
+use gangway_linux::run::{self, Next, Parts, Summary};
+use gangway_linux::{Notices, Signals, Status, SystemVitals, Watchdog, lock_memory};
+use gangway_setup::Setup;
+
+use crate::pins::Pins;
+
+/// Measures how two carbodies move against each other.
+#[derive(Parser)]
+#[command(name = "gangway-pi", version, max_term_width = 100)]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Measure until SIGTERM or SIGINT; SIGHUP reads the setup again.
+    Run {
+        #[command(flatten)]
+        place: Place,
+        /// Serial number of the box [default: the board's].
+        #[arg(long, value_name = "N")]
+        box_id: Option<u64>,
+    },
+    /// Say in plain words what works on this board: camera, pins, line, clock, disk, rights.
+    Check {
+        #[command(flatten)]
+        place: Place,
+    },
+}
+
+#[derive(clap::Args)]
+struct Place {
+    /// The setup of the camera and its targets.
+    #[arg(long, value_name = "FILE", default_value = "/etc/gangway/setup.toml")]
+    setup: PathBuf,
+    /// Where the records go: tcp://HOST:PORT (listen there), tcp-connect://HOST:PORT, udp://HOST:PORT,
+    /// serial:DEVICE@BAUD or file:PATH.
+    #[arg(long, value_name = "ADDRESS", value_parser = Address::parse, default_value = "tcp://0.0.0.0:7007")]
+    to: Address,
+}
+
+fn main() -> ExitCode {
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(error) if !error.use_stderr() => error.exit(),
+        Err(error) => {
+            let text = error.to_string();
+            say(text.strip_prefix("error: ").unwrap_or(&text));
+            return ExitCode::from(2);
+        }
+    };
+    let done = match &args.command {
+        Command::Run { place, box_id } => measure(place, *box_id).map(|summary| {
+            print(&told(&summary, &place.to));
+            true
+        }),
+        Command::Check { place } => check::check(&place.setup, &place.to, &print),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            say(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Lines for the log, each with the program's name.
+fn say(text: &str) {
+    let mut stderr = io::stderr().lock();
+    for line in text.lines().filter(|line| !line.trim().is_empty()) {
+        // Nobody is left to be told when standard error itself is gone.
+        let _ = writeln!(stderr, "gangway-pi: {line}");
+    }
+}
+
+fn print(text: &str) {
+    let _ = writeln!(io::stdout().lock(), "{text}");
+}
+
+fn told(summary: &Summary, to: &Address) -> String {
+    let Summary { frames, poses, losses, lost, unsent, page_faults, carried } = summary;
+    format!(
+        "{frames} frames, {poses} poses, {} records, {lost} lost, {} thinned, {unsent} not sent; camera lost {losses} times; \
+         {page_faults} page faults in the loop; to {to}",
+        carried.records, carried.thinned
+    )
+}
+
+fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
+    let setup = Setup::read(&place.setup)?;
+    let settings = setup.settings();
+    let parts = setup.parts();
+    let signals = Signals::take_over().context("signals cannot be taken over")?;
+    let (notices, said) = Notices::channel();
+    if let Err(refusal) = lock_memory() {
+        notices.mark(refusal.split(';').next().unwrap_or_default());
+        notices.log(refusal);
+    }
+    // Dark before anything else can fail: a box that was killed may have left them lit.
+    let mut pins = Pins::take(&parts.board, notices.clone())?;
+    let camera = V4l2::new(parts.capture.clone(), settings.picture, settings.rate_hz, notices.clone());
+    let mut camera = Recovering::new(camera, settings.rate_hz, notices.clone());
+    camera.start()?;
+    let identity = identity(box_id);
+    let engine = engine(settings, identity)?;
+    let line = place.to.open()?;
+    say(&format!("measuring to {line}"));
+    let (status, next) = (Status::default(), Next::default());
+    let disk = match &place.to {
+        Address::File(path) => path.parent().unwrap_or(Path::new(".")).to_owned(),
+        _ => PathBuf::from("/"),
+    };
+    let lamps = pins.lamps();
+    let parts = Parts {
+        engine,
+        camera,
+        lamps,
+        line,
+        vitals: SystemVitals::new(&disk),
+        watchdog: Watchdog::from_environment(),
+        board: parts.board.clone(),
+        next: &next,
+        signals: &signals,
+        status: &status,
+        notices,
+        said,
+    };
+    let slow = || {
+        pins.turn(status.get());
+        if signals.takes_reload() {
+            match reload(&place.setup, &setup, identity) {
+                Ok(engine) => next.give(engine),
+                Err(error) => say(&format!("the setup stays as it was: {error:#}")),
+            }
+        }
+    };
+    Ok(run::run(parts, slow, &say)?)
+}
+
+fn engine(settings: Settings, identity: Identity) -> anyhow::Result<Box<Engine>> {
+    let engine = Engine::new(settings, identity).map(Box::new);
+    engine.map_err(|error| anyhow::anyhow!("the seeds of the setup give no pose ({error:?}); correct them"))
+}
+
+/// The setup once more, as far as it can change while the camera runs on.
+fn reload(file: &Path, before: &Setup, identity: Identity) -> anyhow::Result<Box<Engine>> {
+    let setup = Setup::read(file)?;
+    let (new, old) = (setup.parts(), before.parts());
+    let picture = |parts: &gangway_setup::Parts| {
+        let camera = parts.camera;
+        (camera.width_px, camera.height_px, camera.rate_hz, parts.capture.clone(), parts.board.clone())
+    };
+    anyhow::ensure!(
+        picture(new) == picture(old),
+        "size, rate, [capture] and [board] need a restart; systemctl restart gangway"
+    );
+    engine(setup.settings(), identity)
+}
+
+fn identity(box_id: Option<u64>) -> Identity {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Identity {
+        box_id: box_id.or_else(serial_number).unwrap_or(0),
+        boot_id: boot_id().unwrap_or(0),
+        session_id: now.as_nanos() as u64,
+        firmware: concat!("gangway-pi ", env!("CARGO_PKG_VERSION")),
+    }
+}
+
+/// The number that every Raspberry Pi is made with.
+fn serial_number() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/device-tree/serial-number").ok()?;
+    u64::from_str_radix(text.trim_end_matches('\0').trim(), 16).ok()
+}
+
+/// The first half of the number that Linux gives every boot.
+fn boot_id() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
+    let digits: String = text.chars().filter(char::is_ascii_hexdigit).take(16).collect();
+    u64::from_str_radix(&digits, 16).ok()
+}

@@ -1,0 +1,182 @@
+//! The pins of a Raspberry Pi: lamps of lit targets, a status lamp, a push button, a sync input.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use gangway_engine::Command;
+use gangway_linux::{Notices, State};
+use gangway_setup::Board;
+use rppal::gpio::{Gpio, InputPin, OutputPin, Pin, Trigger};
+
+/// Pressed for longer, the button marks the start or the end of a run instead of setting the rest pose.
+const LONG: Duration = Duration::from_millis(1_500);
+/// Edges of the sync input that follow within this time are of one switch that bounces.
+const BOUNCE: Duration = Duration::from_micros(100);
+/// Half a period of the status lamp while the box waits and while it has no camera.
+const SLOW: Duration = Duration::from_millis(500);
+const FAST: Duration = Duration::from_millis(100);
+
+/// The pins that the setup names.
+pub(crate) struct Pins {
+    lamps: Vec<OutputPin>,
+    status: Option<OutputPin>,
+    button: Option<Button>,
+    /// Kept: its edges are told as long as it lives.
+    _sync: Option<InputPin>,
+    notices: Notices,
+    begun: Instant,
+}
+
+impl Pins {
+    /// Takes the pins; every lamp is dark from here on.
+    pub(crate) fn take(board: &Board, notices: Notices) -> anyhow::Result<Self> {
+        let named = [board.status_pin, board.button_pin, board.sync_pin];
+        let is_needed = !board.lamp_pins.is_empty() || named.iter().any(|pin| *pin > 0);
+        let gpio = is_needed.then(Gpio::new).transpose().context(
+            "the pins cannot be used; is this a Raspberry Pi, and is the user in the group 'gpio'?",
+        )?;
+        let take = |pin: u8| -> anyhow::Result<Option<Pin>> {
+            let Some(gpio) = gpio.as_ref().filter(|_| pin > 0) else { return Ok(None) };
+            gpio.get(pin).map(Some).with_context(|| format!("pin {pin} cannot be used; name every pin once"))
+        };
+        let mut lamps = Vec::new();
+        for pin in &board.lamp_pins {
+            lamps.extend(take(*pin)?.map(dark));
+        }
+        let status = take(board.status_pin)?.map(dark);
+        let button = take(board.button_pin)?.map(|pin| Button::new(pin.into_input_pullup()));
+        let mut sync = take(board.sync_pin)?.map(Pin::into_input_pulldown);
+        if let Some(pin) = &mut sync {
+            let notices = notices.clone();
+            pin.set_async_interrupt(Trigger::Both, Some(BOUNCE), move |edge| {
+                let way = if edge.trigger == Trigger::RisingEdge { "rise" } else { "fall" };
+                let mut text = heapless::String::new();
+                // 10 letters and at most 20 digits: they always fit.
+                let _ = std::fmt::Write::write_fmt(
+                    &mut text,
+                    format_args!("sync {way} {}", edge.timestamp.as_nanos()),
+                );
+                notices.command(Command::Mark(text));
+            })
+            .with_context(|| format!("pin {} gives no edges", board.sync_pin))?;
+        }
+        Ok(Self { lamps, status, button, _sync: sync, notices, begun: Instant::now() })
+    }
+
+    /// The lamps of lit targets, for the frame loop.
+    pub(crate) fn lamps(&mut self) -> Vec<OutputPin> {
+        std::mem::take(&mut self.lamps)
+    }
+
+    /// Looks at the button and moves the status lamp on; to be called every 50 ms or so.
+    pub(crate) fn turn(&mut self, state: State) {
+        if let Some(lamp) = &mut self.status {
+            lamp.write(is_lit(state, self.begun.elapsed()).into());
+        }
+        let Some(button) = &mut self.button else { return };
+        let is_down = button.pin.is_low();
+        match button.press.turn(is_down, Instant::now()) {
+            Some(Press::Short) => self.notices.command(Command::SetRest),
+            Some(Press::Long { starts: true }) => self.notices.mark("start"),
+            Some(Press::Long { starts: false }) => self.notices.mark("end"),
+            None => {}
+        }
+    }
+}
+
+impl Drop for Pins {
+    fn drop(&mut self) {
+        for lamp in self.lamps.iter_mut().chain(&mut self.status) {
+            lamp.set_low();
+        }
+    }
+}
+
+/// A lamp that is dark now and stays as it was left when the program ends.
+fn dark(pin: Pin) -> OutputPin {
+    let mut pin = pin.into_output_low();
+    pin.set_reset_on_drop(false);
+    pin
+}
+
+/// The blink code: slowly while the box waits, steadily while it measures, fast while it has no camera.
+fn is_lit(state: State, since: Duration) -> bool {
+    let half = match state {
+        State::Measuring => return true,
+        State::Waiting => SLOW,
+        State::Fault => FAST,
+    };
+    (since.as_millis() / half.as_millis()).is_multiple_of(2)
+}
+
+struct Button {
+    pin: InputPin,
+    press: Presses,
+}
+
+impl Button {
+    fn new(pin: InputPin) -> Self {
+        Self { pin, press: Presses::default() }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Press {
+    Short,
+    Long { starts: bool },
+}
+
+/// From the button's position to presses, told when it is let go.
+#[derive(Debug, Default)]
+struct Presses {
+    down: Option<Instant>,
+    is_running: bool,
+}
+
+impl Presses {
+    fn turn(&mut self, is_down: bool, now: Instant) -> Option<Press> {
+        if is_down {
+            self.down.get_or_insert(now);
+            return None;
+        }
+        let held = now - self.down.take()?;
+        if held < LONG {
+            return Some(Press::Short);
+        }
+        self.is_running = !self.is_running;
+        Some(Press::Long { starts: self.is_running })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_press_sets_the_rest_pose_and_long_ones_mark_start_and_end() {
+        let (mut presses, start) = (Presses::default(), Instant::now());
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        let mut press = |from: u64, to: u64| {
+            assert_eq!(presses.turn(true, at(from)), None);
+            assert_eq!(presses.turn(true, at((from + to) / 2)), None);
+            let press = presses.turn(false, at(to));
+            assert_eq!(presses.turn(false, at(to + 50)), None, "told once");
+            press
+        };
+        assert_eq!(press(0, 300), Some(Press::Short));
+        assert_eq!(press(1_000, 2_500), Some(Press::Long { starts: true }));
+        assert_eq!(press(5_000, 5_100), Some(Press::Short));
+        assert_eq!(press(6_000, 9_000), Some(Press::Long { starts: false }));
+    }
+
+    #[test]
+    fn the_status_lamp_tells_three_states_apart() {
+        let changes = |state: State| {
+            let lit: Vec<bool> = (0..40).map(|i| is_lit(state, Duration::from_millis(50 * i))).collect();
+            lit.windows(2).filter(|pair| pair[0] != pair[1]).count()
+        };
+        // Two seconds, in turns of 50 ms.
+        let counted = [State::Measuring, State::Waiting, State::Fault].map(changes);
+        assert_eq!(counted, [0, 3, 19]);
+    }
+}

@@ -1,0 +1,64 @@
+//! `gangway-pi` as it is called: mistakes are one sentence with the right exit code, and a check says what works.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+
+const RIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../setup/examples/ride.toml");
+
+fn run(args: &[&str]) -> Output {
+    Command::cargo_bin("gangway-pi").unwrap().args(args).output().unwrap()
+}
+
+fn sentence(output: &Output, code: i32) -> String {
+    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    said
+}
+
+/// A setup whose camera cannot be there.
+fn setup(place: &Path, device: &str) -> String {
+    let text = std::fs::read_to_string(RIDE).unwrap();
+    let device = format!("device = \"{device}\"");
+    let text = text.replace("# device = \"/dev/video0\"", &device);
+    assert!(text.contains(&device));
+    let file = place.join("setup.toml");
+    std::fs::write(&file, text).unwrap();
+    file.display().to_string()
+}
+
+#[test]
+fn mistakes_are_one_sentence_with_the_right_exit_code() {
+    let said = sentence(&run(&["run", "--setup", "/no/such/setup.toml"]), 1);
+    assert!(said.contains("/no/such/setup.toml") && said.lines().count() == 1, "{said}");
+    let said = sentence(&run(&["run", "--to", "smoke-signal:hill"]), 2);
+    assert!(said.contains("write tcp://HOST:PORT"), "{said}");
+    let place = tempfile::tempdir().unwrap();
+    let said = sentence(
+        &run(&["run", "--setup", &setup(place.path(), "/dev/null"), "--to", "tcp://127.0.0.1:0"]),
+        1,
+    );
+    assert!(said.contains("/dev/null is no camera"), "{said}");
+}
+
+#[test]
+fn a_check_says_in_a_line_each_what_works_and_what_does_not() {
+    let place = tempfile::tempdir().unwrap();
+    let setup = setup(place.path(), "/dev/no-such-camera");
+    let output = run(&["check", "--setup", &setup, "--to", "tcp://127.0.0.1:0"]);
+    assert_eq!(output.status.code(), Some(1), "not everything works");
+    let said = String::from_utf8_lossy(&output.stdout);
+    for line in [
+        "ok    setup: 19 circles on 3 targets",
+        "no    camera: there is no camera /dev/no-such-camera; check its plug and name",
+        "ok    pins: all that the setup names",
+        "ok    line: tcp://127.0.0.1:",
+    ] {
+        assert!(said.lines().any(|said| said.starts_with(line)), "{line}\n{said}");
+    }
+    for what in ["clock: ", "disk: ", "real time: "] {
+        assert!(said.contains(what), "{said}");
+    }
+}
