@@ -1,9 +1,12 @@
 //! `gangway-pi` as it is called: mistakes are one sentence with the right exit code, and a check says what works.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::Output;
+use std::process::{Output, Stdio};
 
 use assert_cmd::Command;
+use gangway_wire::{Decoded, Decoder, Record};
+use rustix::process::{Pid, Signal, kill_process};
 
 const RIDE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../setup/examples/ride.toml");
 
@@ -61,4 +64,53 @@ fn a_check_says_in_a_line_each_what_works_and_what_does_not() {
     for what in ["clock: ", "disk: ", "real time: "] {
         assert!(said.contains(what), "{said}");
     }
+}
+
+#[test]
+fn a_box_without_a_camera_reads_its_setup_again_and_ends_properly() {
+    let place = tempfile::tempdir().unwrap();
+    let setup = setup(place.path(), "/dev/no-such-camera");
+    let records = place.path().join("box.gw");
+    let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin("gangway-pi"))
+        .args(["run", "--setup", &setup, "--to", &format!("file:{}", records.display())])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let pid = Pid::from_child(&program);
+    let mut said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let mut expect = |text: &str| {
+        let line = said.find(|line| line.contains(text));
+        assert!(line.is_some(), "it ended without '{text}'");
+    };
+    expect("there is no camera /dev/no-such-camera");
+    kill_process(pid, Signal::HUP).unwrap();
+    expect("the new setup is taken over");
+    std::fs::write(&setup, "name = 3").unwrap();
+    kill_process(pid, Signal::HUP).unwrap();
+    expect("the setup stays as it was");
+    kill_process(pid, Signal::TERM).unwrap();
+    let output = program.wait_with_output().unwrap();
+    assert!(output.status.success());
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(told.starts_with("0 frames, 0 poses") && told.contains(" 0 not sent"), "{told}");
+    let events = events(&std::fs::read(&records).unwrap());
+    assert_eq!(events.first().map(String::as_str), Some("Started"));
+    assert_eq!(events.iter().filter(|event| *event == "SetupChanged").count(), 1, "{events:?}");
+    assert!(events.contains(&"CameraLost".to_owned()), "{events:?}");
+    assert_eq!(events.last().map(String::as_str), Some("Ended"));
+}
+
+/// The events of a capture, in order.
+fn events(capture: &[u8]) -> Vec<String> {
+    let mut decoder = Box::new(Decoder::new());
+    let (mut events, mut bytes) = (Vec::new(), capture);
+    while !bytes.is_empty() {
+        let (decoded, rest) = decoder.feed(bytes);
+        bytes = rest;
+        if let Some(Decoded::Record { record: Record::Event(event), .. }) = decoded {
+            events.push(format!("{:?}", event.what));
+        }
+    }
+    events
 }
