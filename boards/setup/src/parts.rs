@@ -139,8 +139,6 @@ pub struct Capture {
     pub gain: f64,
     /// Focus in the driver's units; -1 leaves it as it is.
     pub focus: f64,
-    /// Time from one line to the next, us; 0 for a global shutter.
-    pub line_time_us: f64,
     /// Pictures that the kernel may hold.
     pub buffers: u8,
 }
@@ -153,7 +151,6 @@ impl Default for Capture {
             exposure_us: 0.0,
             gain: -1.0,
             focus: -1.0,
-            line_time_us: 0.0,
             buffers: 4,
         }
     }

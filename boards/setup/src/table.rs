@@ -614,16 +614,6 @@ const CAPTURE: &[FileKey] = &[
         slot: |p| Slot::Number(&mut p.capture.focus),
     },
     Key {
-        name: "line_time_us",
-        unit: "us",
-        least: 0.0,
-        greatest: 1_000.0,
-        required: false,
-        meaning: "Time from one line of a rolling shutter to the next; 0 for a global shutter.",
-        source: "",
-        slot: |p| Slot::Number(&mut p.capture.line_time_us),
-    },
-    Key {
         name: "buffers",
         unit: "",
         least: 2.0,

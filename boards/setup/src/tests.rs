@@ -64,8 +64,9 @@ fn what_the_example_shows_as_defaults_are_the_defaults() {
         .collect();
     let said = Setup::parse(&uncommented.join("\n"), "ride.toml").unwrap();
     assert_eq!(said.parts(), Setup::parse(RIDE, "ride.toml").unwrap().parts());
-    // Left at their defaults: carbody, kind, u and v of the second target, carbody and kind of the third.
-    assert_eq!(said.table().iter().filter(|row| row.line.is_none()).count(), 6);
+    // Left at their defaults: the coarse pose of the camera, which the seeds make needless; carbody, kind, u and v of the
+    // second target, carbody and kind of the third.
+    assert_eq!(said.table().iter().filter(|row| row.line.is_none()).count(), 4 + 6);
 }
 
 #[test]
@@ -253,8 +254,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     let gate = row("solver.gate_px");
     assert_eq!((gate.value, gate.line), (Value::Number(0.5), None));
     assert_eq!(row("camera.rate_hz").default, None);
-    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 7 + 6.
-    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 13);
+    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 6 + 6.
+    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 12);
 }
 
 /// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
@@ -297,7 +298,6 @@ fn every_setting_of_the_firmware_is_in_the_table() {
         exposure_us: 3000.0,
         gain: 0.0,
         focus: 20.0,
-        line_time_us: 9.5,
         buffers: 6,
     };
     said.board = Board {

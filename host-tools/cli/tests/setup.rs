@@ -33,7 +33,7 @@ fn every_mistake_has_a_line_and_the_exit_code_is_1() {
     assert!(output.stdout.is_empty());
     let lines: Vec<&str> = text(&output.stderr).lines().collect();
     assert_eq!(lines.len(), 3);
-    for (line, number) in lines.iter().zip([23, 47, 73]) {
+    for (line, number) in lines.iter().zip([25, 49, 75]) {
         assert!(
             line.starts_with("gangway: ") && line.contains(&format!("bad.toml:{number}: target[")),
             "{line}"
@@ -66,7 +66,7 @@ fn show_tells_value_bounds_and_origin() {
         let line = shown.lines().find(|line| line.split(' ').next() == Some(setting));
         line.unwrap_or_else(|| panic!("no {setting} in\n{shown}")).split_whitespace().collect()
     };
-    assert_eq!(words("rest.frames")[1..], ["25", "frames", "10", "10", "to", "250", "line", "109"]);
+    assert_eq!(words("rest.frames")[1..], ["25", "frames", "10", "10", "to", "250", "line", "111"]);
     assert_eq!(words("solver.gate_px")[1..], ["0.5", "px", "0.5", "0.05", "to", "10", "default"]);
     assert_eq!(words("target[2].seeds_px[6]")[1..], ["[1483.8,", "690.1]", "px", "line", "90"]);
 }
@@ -79,7 +79,7 @@ fn show_as_json_carries_the_same() {
     let frames = settings.iter().find(|setting| setting["setting"] == "rest.frames").unwrap();
     assert_eq!(
         (&frames["value"], &frames["default"], &frames["line"]),
-        (&25.into(), &10.into(), &109.into())
+        (&25.into(), &10.into(), &111.into())
     );
     assert_eq!(frames["allowed"]["greatest"], 250.0);
     assert_eq!(json["digest"].as_str().unwrap().len(), 32);

@@ -32,6 +32,7 @@ const RATE_TOLERANCE: f64 = 0.01;
 #[derive(Debug)]
 pub struct V4l2 {
     capture: Capture,
+    line_time_us: f64,
     size: (u16, u16),
     rate_hz: f64,
     notices: Notices,
@@ -39,8 +40,14 @@ pub struct V4l2 {
 
 impl V4l2 {
     /// A camera that is to give pictures of this size at this rate; remarks go to `notices`.
-    pub fn new(capture: Capture, size: (u16, u16), rate_hz: f64, notices: Notices) -> Self {
-        Self { capture, size, rate_hz, notices }
+    pub fn new(
+        capture: Capture,
+        line_time_us: f64,
+        size: (u16, u16),
+        rate_hz: f64,
+        notices: Notices,
+    ) -> Self {
+        Self { capture, line_time_us, size, rate_hz, notices }
     }
 
     /// The first format that the device takes in the size and at the rate of the setup.
@@ -151,7 +158,7 @@ impl Source for V4l2 {
         let exposure_ns = controls::apply(&Driver(&device), &self.capture)
             .map_err(|why| OpenError::unfit(format!("{name}: {why}")))?;
         let lines = f64::from(self.size.1) - 1.0;
-        let readout_ns = (lines * self.capture.line_time_us * 1e3).round() as u64;
+        let readout_ns = (lines * self.line_time_us.abs() * 1e3).round() as u64;
         let row = format.layout.row_bytes(self.size.0).unwrap_or(usize::from(self.size.0));
         let shape = Shape { size: self.size, stride: (set.stride as usize).max(row), layout: format.layout };
         let mapped = Mapped::with_buffers(&device, Type::VideoCapture, u32::from(self.capture.buffers))
@@ -314,7 +321,7 @@ mod tests {
     fn open(device: &str) -> OpenError {
         let capture = Capture { device: device.into(), ..Capture::default() };
         let notices = Notices::channel().0;
-        V4l2::new(capture, (640, 480), 50.0, notices).open().err().expect("no camera there")
+        V4l2::new(capture, 0.0, (640, 480), 50.0, notices).open().err().expect("no camera there")
     }
 
     #[test]
