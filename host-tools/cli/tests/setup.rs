@@ -68,7 +68,7 @@ fn show_tells_value_bounds_and_origin() {
     };
     assert_eq!(words("rest.frames")[1..], ["25", "frames", "10", "10", "to", "250", "line", "111"]);
     assert_eq!(words("solver.gate_px")[1..], ["0.5", "px", "0.5", "0.05", "to", "10", "default"]);
-    assert_eq!(words("target[2].seeds_px[6]")[1..], ["[1483.8,", "690.1]", "px", "line", "90"]);
+    assert_eq!(words("target[2].seeds_px[6]")[1..], ["[1483.8,", "690.1]", "px", "line", "92"]);
 }
 
 #[test]
