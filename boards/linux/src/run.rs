@@ -246,7 +246,10 @@ impl Drop for StopOnPanic<'_> {
 }
 
 /// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
-#[allow(clippy::too_many_arguments)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "each belongs to another owner, and only the loop meets them all"
+)]
 fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
     engine: &mut Box<Engine>,
     hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,

@@ -24,6 +24,7 @@
 //! reference does not know, and frames of the reference that the session does not have.
 
 mod angle;
+mod columns;
 mod error;
 mod evaluation;
 mod html;

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use csv::StringRecord;
 
+use crate::columns::Columns;
 use crate::{DEGREES_OF_FREEDOM, ReportError};
 
 /// The true motion of each frame.
@@ -65,13 +66,13 @@ impl Reference {
             Some(row) => read(row)?,
             None => return Err(ReportError::EmptyReference { name: name.to_owned() }),
         };
-        let columns = Columns::find(&header, name)?;
+        let columns = Columns::find(&header, &allowed_names(0), name)?;
         let mut truth = BTreeMap::new();
         let mut lines = BTreeMap::new();
         for row in rows {
             let row = read(row)?;
             let line = line_of(&row, &text);
-            let (frame, values) = columns.row(&row, line, name)?;
+            let (frame, values) = read_row(&columns, &row, line, name)?;
             if let Some(before) = lines.insert(frame, line) {
                 let what = format!("frame {frame} is given on line {before} already; each frame has one row");
                 return Err(columns.cell_error(0, line, name, what));
@@ -122,74 +123,19 @@ pub(crate) fn line_of(row: &StringRecord, text: &str) -> u64 {
     position.line() + skipped.matches('\n').count() as u64
 }
 
-/// Where the seven columns are, and what the file calls them: frame, then the six degrees of freedom.
-struct Columns {
-    at: [usize; 7],
-    names: [String; 7],
-}
-
-impl Columns {
-    fn find(header: &StringRecord, name: &str) -> Result<Self, ReportError> {
-        let error = |what| ReportError::Header { name: name.to_owned(), line: 1, what };
-        let mut at = [0; 7];
-        let mut names = [const { String::new() }; 7];
-        for (i, (at, found)) in at.iter_mut().zip(&mut names).enumerate() {
-            let allowed = allowed_names(i);
-            let mut fits =
-                header.iter().enumerate().filter(|(_, column)| allowed.contains(&plain_name(column)));
-            let Some((position, column)) = fits.next() else {
-                let has = header.iter().collect::<Vec<_>>().join(", ");
-                let wanted = allowed.join(" or ");
-                return Err(error(format!("the column {wanted} is missing; the header has: {has}")));
-            };
-            if let Some((_, second)) = fits.next() {
-                return Err(error(format!("the columns {column} and {second} mean the same; take one out")));
-            }
-            (*at, *found) = (position, column.to_owned());
-        }
-        Ok(Self { at, names })
-    }
-
-    fn row(&self, row: &StringRecord, line: u64, name: &str) -> Result<(u32, Option<[f64; 6]>), ReportError> {
-        let cell = |i: usize| {
-            row.get(self.at[i]).ok_or_else(|| {
-                let what = format!("the line ends before it, after {} of its cells", row.len());
-                self.cell_error(i, line, name, what)
-            })
-        };
-        let text = cell(0)?;
-        let frame = text.parse::<u32>().map_err(|_| {
-            let what = format!("\"{text}\" is not a frame number; expected is a whole number from 0");
-            self.cell_error(0, line, name, what)
-        })?;
-        let mut values = [0.0; 6];
-        let mut empty = 0;
-        for (i, value) in values.iter_mut().enumerate() {
-            let text = cell(i + 1)?;
-            if text.is_empty() {
-                empty += 1;
-                continue;
-            }
-            *value = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-                let unit = DEGREES_OF_FREEDOM[i].unit;
-                let what = format!("\"{text}\" is not a number in {unit}; expected is one such as -12.5");
-                self.cell_error(i + 1, line, name, what)
-            })?;
-        }
-        match empty {
-            0 => Ok((frame, Some(values))),
-            6 => Ok((frame, None)),
-            _ => {
-                let i = (1..7).find(|i| row.get(self.at[*i]) == Some("")).unwrap_or(1);
-                let what = "the cell is empty; a frame has all six values or none of them".to_owned();
-                Err(self.cell_error(i, line, name, what))
-            }
-        }
-    }
-
-    fn cell_error(&self, i: usize, line: u64, name: &str, what: String) -> ReportError {
-        ReportError::Cell { name: name.to_owned(), line, column: self.names[i].clone(), what }
-    }
+/// Frame number, and the motion where the row has one.
+fn read_row(
+    columns: &Columns,
+    row: &StringRecord,
+    line: u64,
+    name: &str,
+) -> Result<(u32, Option<[f64; 6]>), ReportError> {
+    let text = columns.cell(row, 0, line, name)?;
+    let frame = text.parse::<u32>().map_err(|_| {
+        let what = format!("\"{text}\" is not a frame number; expected is a whole number from 0");
+        columns.cell_error(0, line, name, what)
+    })?;
+    Ok((frame, columns.motion(row, line, name)?))
 }
 
 /// What column `i` (0: frame) may be called, the first being the usual name.

@@ -351,7 +351,7 @@ mod reference {
         );
         assert_eq!(
             refused(&format!("{good}1,0,,0,0,0,0\n")),
-            "truth.csv, line 3, column dy_mm: the cell is empty; a frame has all six values or none of them"
+            "truth.csv, line 3, column dy_mm: the cell is empty; a row has all six values or none of them"
         );
         assert_eq!(
             refused(&format!("{good}{good}")),

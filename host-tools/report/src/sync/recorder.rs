@@ -9,8 +9,9 @@ use std::path::Path;
 use csv::StringRecord;
 
 use super::track::Track;
-use crate::reference::{allowed_names, delimiter, line_of, plain_name};
-use crate::{DEGREES_OF_FREEDOM, ReportError};
+use crate::ReportError;
+use crate::columns::Columns;
+use crate::reference::{delimiter, line_of, plain_name};
 
 /// Fewest rows that can be aligned.
 const FEWEST_ROWS: usize = 10;
@@ -85,14 +86,14 @@ impl Recorder {
         let Some(header) = rows.next() else {
             return Err(ReportError::EmptyReference { name: name.to_owned() });
         };
-        let columns = Columns::find(&read(header)?, name)?;
+        let columns = Columns::find(&read(header)?, &TIMES.map(|(name, _)| name.to_owned()), name)?;
         let mut first = None;
         let mut before = None;
         let mut kept = Vec::new();
         for row in rows {
             let row = read(row)?;
             let line = line_of(&row, &text);
-            let (nanoseconds, values) = columns.row(&row, line, name)?;
+            let (nanoseconds, values) = read_row(&columns, &row, line, name)?;
             if before.is_some_and(|before| nanoseconds <= before) {
                 let what = "the time is not after that of the row before; expected are times that rise";
                 return Err(columns.cell_error(0, line, name, what.to_owned()));
@@ -114,104 +115,33 @@ impl Recorder {
     }
 }
 
-/// Of a file that is no table at all, enough to recognise it by.
-fn printable(text: &str) -> String {
-    const MOST: usize = 160;
-    let mut short: String = text.chars().filter(|c| !c.is_control()).take(MOST).collect();
-    if text.chars().count() > MOST {
-        short.push_str(" ...");
-    }
-    short
-}
-
-/// Where the seven columns are, what the file calls them, and how many nanoseconds the unit of time has.
-struct Columns {
-    at: [usize; 7],
-    names: [String; 7],
-    unit_ns: f64,
-}
-
 /// Names of the time's column, and nanoseconds of their unit.
 const TIMES: [(&str, f64); 4] = [("time_s", 1e9), ("time_ms", 1e6), ("time_us", 1e3), ("time_ns", 1.0)];
 
-impl Columns {
-    fn find(header: &StringRecord, name: &str) -> Result<Self, ReportError> {
-        let error = |what| ReportError::Header { name: name.to_owned(), line: 1, what };
-        let mut at = [0; 7];
-        let mut names = [const { String::new() }; 7];
-        for (i, (at, found)) in at.iter_mut().zip(&mut names).enumerate() {
-            let allowed =
-                if i == 0 { TIMES.map(|(name, _)| name.to_owned()).to_vec() } else { allowed_names(i) };
-            let mut fits =
-                header.iter().enumerate().filter(|(_, column)| allowed.contains(&plain_name(column)));
-            let Some((position, column)) = fits.next() else {
-                let has = printable(&header.iter().collect::<Vec<_>>().join(", "));
-                let wanted = allowed.join(" or ");
-                return Err(error(format!("the column {wanted} is missing; the header has: {has}")));
-            };
-            if let Some((_, second)) = fits.next() {
-                return Err(error(format!("the columns {column} and {second} mean the same; take one out")));
-            }
-            (*at, *found) = (position, column.to_owned());
-        }
-        let unit = TIMES.iter().find(|(unit, _)| *unit == plain_name(&names[0]));
-        Ok(Self { at, names, unit_ns: unit.map_or(1e9, |(_, unit)| *unit) })
-    }
+/// Nanoseconds of the unit that a file gives its time in.
+fn unit_ns(columns: &Columns) -> f64 {
+    let unit = TIMES.iter().find(|(unit, _)| *unit == plain_name(columns.name(0)));
+    unit.map_or(1e9, |(_, unit)| *unit)
+}
 
-    /// Time in nanoseconds, and the motion where the row has one.
-    fn row(
-        &self,
-        row: &StringRecord,
-        line: u64,
-        name: &str,
-    ) -> Result<(i128, Option<[f64; 6]>), ReportError> {
-        let cell = |i: usize| {
-            row.get(self.at[i]).ok_or_else(|| {
-                let what = format!("the line ends before it, after {} of its cells", row.len());
-                self.cell_error(i, line, name, what)
-            })
-        };
-        let text = cell(0)?;
-        // Whole numbers are taken whole: nanoseconds since 1970 have more digits than a floating number.
-        let whole = text.parse::<i128>().ok().filter(|v| v.unsigned_abs() < 1 << 96);
-        let time = match whole {
-            Some(whole) => Some(whole * self.unit_ns as i128),
-            None => text
-                .parse::<f64>()
-                .ok()
-                .filter(|v| v.abs() < 1e12)
-                .map(|v| (v * self.unit_ns).round() as i128),
-        };
-        let time = time.ok_or_else(|| {
-            let what = format!("\"{text}\" is not a time; expected is a number such as 12.34");
-            self.cell_error(0, line, name, what)
-        })?;
-        let mut values = [0.0; 6];
-        let mut empty = 0;
-        for (i, value) in values.iter_mut().enumerate() {
-            let text = cell(i + 1)?;
-            if text.is_empty() {
-                empty += 1;
-                continue;
-            }
-            *value = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-                let unit = DEGREES_OF_FREEDOM[i].unit;
-                let what = format!("\"{text}\" is not a number in {unit}; expected is one such as -12.5");
-                self.cell_error(i + 1, line, name, what)
-            })?;
-        }
-        match empty {
-            0 => Ok((time, Some(values))),
-            6 => Ok((time, None)),
-            _ => {
-                let i = (1..7).find(|i| row.get(self.at[*i]) == Some("")).unwrap_or(1);
-                let what = "the cell is empty; a row has all six values or none of them".to_owned();
-                Err(self.cell_error(i, line, name, what))
-            }
-        }
-    }
-
-    fn cell_error(&self, i: usize, line: u64, name: &str, what: String) -> ReportError {
-        ReportError::Cell { name: name.to_owned(), line, column: self.names[i].clone(), what }
-    }
+/// Time in nanoseconds, and the motion where the row has one.
+fn read_row(
+    columns: &Columns,
+    row: &StringRecord,
+    line: u64,
+    name: &str,
+) -> Result<(i128, Option<[f64; 6]>), ReportError> {
+    let unit_ns = unit_ns(columns);
+    let text = columns.cell(row, 0, line, name)?;
+    // Whole numbers are taken whole: nanoseconds since 1970 have more digits than a floating number.
+    let whole = text.parse::<i128>().ok().filter(|v| v.unsigned_abs() < 1 << 96);
+    let time = match whole {
+        Some(whole) => Some(whole * unit_ns as i128),
+        None => text.parse::<f64>().ok().filter(|v| v.abs() < 1e12).map(|v| (v * unit_ns).round() as i128),
+    };
+    let time = time.ok_or_else(|| {
+        let what = format!("\"{text}\" is not a time; expected is a number such as 12.34");
+        columns.cell_error(0, line, name, what)
+    })?;
+    Ok((time, columns.motion(row, line, name)?))
 }
