@@ -106,12 +106,19 @@ impl Bits {
         let Some(first) = rows.first() else { return };
         let mut above = along(first);
         let mut present = above;
-        for y in 0..rows.len() {
-            let below = rows.get(y + 1).map_or(present, along);
+        let mut put = |row: &mut Row, below: Option<Pair<N>>| {
+            let below = below.unwrap_or(present);
             for i in 0..N {
-                rows[y][i] = across(&above, &present, &below, i) & mask[i];
+                row[i] = across(&above, &present, &below, i) & mask[i];
             }
             (above, present) = (present, below);
+        };
+        for y in 1..rows.len() {
+            let below = along(&rows[y]);
+            put(&mut rows[y - 1], Some(below));
+        }
+        if let Some(row) = rows.last_mut() {
+            put(row, None);
         }
     }
 

@@ -47,38 +47,27 @@ pub(crate) fn find(
     settings: &Settings,
 ) -> Result<Candidate, Miss> {
     let size = [bits.width(), bits.height()];
-    let expected = PI * search.diameter_px() * search.diameter_px() / 4.0;
-    let ratio = search.ratio * search.ratio;
-    let most = 1.0 + settings.ratio_tolerance;
+    let expected = Expected { search, settings, size };
+    // Rings do not overlap: the one that has the predicted centre in its hole is the nearest.
+    if let Some((hole, dark)) = components.ring_at(bits, predicted)
+        && let Ok(candidate) = expected.ring(&hole, &dark)
+    {
+        return Ok(candidate);
+    }
     let mut best: Option<(f64, Candidate)> = None;
     let mut refusal = Refusal::NotFound;
     components.find(bits).map_err(|_| Miss { refusal, cut_at: None })?;
-    // Nothing that cannot fill a ring of the expected size is worth comparing. Clutter ends the search.
-    while let Ok(Some((hole, dark))) = components.next_ring(bits, 0.5 * expected / (ratio * most)) {
-        if !dark.encloses(&hole)
-            || dark.touches_edge(size)
-            || distance(dark.centroid(), hole.centroid()) > settings.max_centroid_distance_px
-        {
-            continue;
-        }
-        // From here on there is something like a ring.
-        let ring = dark.and(&hole);
-        let (filled, area) = (f64::from(ring.area), f64::from(hole.area));
-        let (centre, shape) = (ring.centroid(), ring.moments());
-        let closed = filled / (area * ratio);
-        if (filled / expected - 1.0).abs() > settings.area_tolerance
-            || closed > most
-            || closed * most < 1.0
-            || !is_ellipse(shape, filled, &search.shape)
-        {
-            refusal = Refusal::Outline;
-            continue;
-        }
-        let candidate =
-            Candidate { centre, shape, outer: libm::sqrt(filled / PI), inner: libm::sqrt(area / PI) };
-        let off = distance(centre, predicted);
-        if best.is_none_or(|(least, _)| off < least) {
-            best = Some((off, candidate));
+    // Clutter ends the search.
+    while let Ok(Some((hole, dark))) = components.next_ring(bits, expected.least_hole()) {
+        match expected.ring(&hole, &dark) {
+            Ok(candidate) => {
+                let off = distance(candidate.centre, predicted);
+                if best.is_none_or(|(least, _)| off < least) {
+                    best = Some((off, candidate));
+                }
+            }
+            Err(Refusal::NotFound) => {}
+            Err(other) => refusal = other,
         }
     }
     match best {
@@ -90,6 +79,53 @@ pub(crate) fn find(
             }
             Err(Miss { refusal, cut_at })
         }
+    }
+}
+
+/// What is known of the ring before it is seen.
+struct Expected<'a> {
+    search: &'a Search,
+    settings: &'a Settings,
+    /// Width and height of the window.
+    size: [usize; 2],
+}
+
+impl Expected<'_> {
+    /// Area of the filled ring, px^2.
+    fn area(&self) -> f64 {
+        PI * self.search.diameter_px() * self.search.diameter_px() / 4.0
+    }
+
+    /// Most that the area ratio of both circles may be too large, or too small.
+    fn most(&self) -> f64 {
+        1.0 + self.settings.ratio_tolerance
+    }
+
+    /// Pixels of a hole below which it is not worth comparing.
+    fn least_hole(&self) -> f64 {
+        0.5 * self.area() / (self.search.ratio * self.search.ratio * self.most())
+    }
+
+    /// The ring that a hole and the dark around it are; `NotFound` where there is nothing like one.
+    fn ring(&self, hole: &Part, dark: &Part) -> Result<Candidate, Refusal> {
+        if !dark.encloses(hole)
+            || dark.touches_edge(self.size)
+            || distance(dark.centroid(), hole.centroid()) > self.settings.max_centroid_distance_px
+        {
+            return Err(Refusal::NotFound);
+        }
+        let ring = dark.and(hole);
+        let (filled, area) = (f64::from(ring.area), f64::from(hole.area));
+        let (centre, shape) = (ring.centroid(), ring.moments());
+        let closed = filled / (area * self.search.ratio * self.search.ratio);
+        if (filled / self.area() - 1.0).abs() > self.settings.area_tolerance
+            || closed > self.most()
+            || closed * self.most() < 1.0
+            || !is_ellipse(shape, filled, &self.search.shape)
+        {
+            return Err(Refusal::Outline);
+        }
+        Ok(Candidate { centre, shape, outer: libm::sqrt(filled / PI), inner: libm::sqrt(area / PI) })
     }
 }
 

@@ -165,23 +165,65 @@ impl Components {
 
     /// Grows what is outside down and up until a way changes nothing.
     fn flood_outside<const N: usize>(&mut self) -> Result<(), Clutter> {
+        let height = self.height.min(MAX_SIDE);
+        let (region, holes) = (&mut self.region[..height], &self.holes[..height]);
         for sweep in 0..MAX_SWEEPS {
             let (mut grown, mut before) = (false, [0; N]);
-            for (outside, bright) in self.region.iter_mut().zip(&self.holes).take(self.height) {
-                grown |= grow(outside, bright, &mut before, Reach::Sides);
+            for (outside, bright) in region.iter_mut().zip(holes) {
+                grown |= grow(outside, &words(bright), &mut before, Reach::Sides);
             }
             if sweep > 0 && !grown {
                 return Ok(());
             }
             (grown, before) = (false, [0; N]);
-            for (outside, bright) in self.region.iter_mut().zip(&self.holes).take(self.height).rev() {
-                grown |= grow(outside, bright, &mut before, Reach::Sides);
+            for (outside, bright) in region.iter_mut().zip(holes).rev() {
+                grown |= grow(outside, &words(bright), &mut before, Reach::Sides);
             }
             if !grown {
                 return Ok(());
             }
         }
         Err(Clutter)
+    }
+
+    /// The hole that has this pixel and the dark component around it; `None` where it is dark or reaches the edge.
+    pub(crate) fn ring_at(&mut self, bits: &Bits, at: [f64; 2]) -> Option<(Part, Part)> {
+        (self.width, self.height) = (bits.width(), bits.height());
+        // What is outside the window is outside its rows too.
+        let [x, y] = at.map(|at| libm::round(at.max(0.0)) as usize);
+        match self.words() {
+            1 => self.ring_at_in::<1>(bits, (x, y)),
+            2 => self.ring_at_in::<2>(bits, (x, y)),
+            _ => self.ring_at_in::<WORDS>(bits, (x, y)),
+        }
+    }
+
+    fn ring_at_in<const N: usize>(&mut self, bits: &Bits, (x, y): (usize, usize)) -> Option<(Part, Part)> {
+        let mask = Mask::<N>::bright(bits);
+        let is_bright = mask.row(y)?.get(x / 64)? >> (x % 64) & 1 == 1;
+        if !is_bright {
+            return None;
+        }
+        let rows = flood(&mask, &mut self.region, (x, y), Reach::Sides).ok()?;
+        let bright = part::<N>(&self.region, rows);
+        if bright.touches_edge([self.width, self.height]) {
+            return None;
+        }
+        let first = first_pixel::<N>(self.region.get(rows.0..rows.1)?)?;
+        let dark = self.around::<N>(bits, (first.0, rows.0 + first.1)).ok()??;
+        Some((bright, dark))
+    }
+
+    /// The dark component around a hole with this first pixel.
+    fn around<const N: usize>(
+        &mut self,
+        bits: &Bits,
+        (x, y): (usize, usize),
+    ) -> Result<Option<Part>, Clutter> {
+        // The pixel to the left of a hole's first one is dark and around the hole.
+        let Some(left) = x.checked_sub(1) else { return Ok(None) };
+        let rows = flood(&Mask::<N>::set(bits.rows()), &mut self.region, (left, y), Reach::Diagonals)?;
+        Ok(Some(part::<N>(&self.region, rows)))
     }
 
     /// The next hole of at least `least` pixels, from the top, and the dark component around it.
@@ -199,15 +241,15 @@ impl Components {
         least: f64,
     ) -> Result<Option<(Part, Part)>, Clutter> {
         for _ in 0..MAX_HOLES {
-            let Some((x, y)) = first_pixel::<N>(&self.holes, self.height) else { return Ok(None) };
-            let bright = self.take_part::<N>((x, y), Reach::Sides)?;
+            let Some(first) = first_pixel::<N>(self.holes.get(..self.height).unwrap_or_default()) else {
+                return Ok(None);
+            };
+            let bright = self.take_part::<N>(first, Reach::Sides)?;
             if f64::from(bright.area) < least {
                 continue;
             }
-            // The pixel to the left of a hole's first one is dark and around the hole.
-            let Some(left) = x.checked_sub(1) else { continue };
-            let rows = flood::<N>(bits.rows(), &mut self.region, (left, y), Reach::Diagonals)?;
-            return Ok(Some((bright, part::<N>(&self.region, rows))));
+            let Some(dark) = self.around::<N>(bits, first)? else { continue };
+            return Ok(Some((bright, dark)));
         }
         Err(Clutter)
     }
@@ -216,7 +258,8 @@ impl Components {
     pub(crate) fn each_dark(&mut self, bits: &Bits, mut visit: impl FnMut(&Part)) {
         self.holes.iter_mut().zip(bits.rows()).for_each(|(row, dark)| *row = *dark);
         for _ in 0..MAX_HOLES {
-            let Some(seed) = first_pixel::<WORDS>(&self.holes, self.height) else { return };
+            let holes = self.holes.get(..self.height).unwrap_or_default();
+            let Some(seed) = first_pixel::<WORDS>(holes) else { return };
             let Ok(part) = self.take_part::<WORDS>(seed, Reach::Diagonals) else { return };
             visit(&part);
         }
@@ -225,7 +268,7 @@ impl Components {
     /// The component of the holes that has this pixel, which is taken out of them.
     fn take_part<const N: usize>(&mut self, seed: (usize, usize), reach: Reach) -> Result<Part, Clutter> {
         let holes = self.holes.get(..self.height).unwrap_or_default();
-        let rows = flood::<N>(holes, &mut self.region, seed, reach)?;
+        let rows = flood(&Mask::<N>::set(holes), &mut self.region, seed, reach)?;
         for (hole, region) in self.holes.iter_mut().zip(&self.region).take(rows.1).skip(rows.0) {
             for i in 0..N {
                 hole[i] &= !region[i];
@@ -247,8 +290,8 @@ fn put<const N: usize>(row: &mut Row, words: &[u64; N]) {
 }
 
 /// The first set pixel of `rows`, by rows.
-fn first_pixel<const N: usize>(rows: &[Row; MAX_SIDE], height: usize) -> Option<(usize, usize)> {
-    for (y, row) in rows.iter().enumerate().take(height) {
+fn first_pixel<const N: usize>(rows: &[Row]) -> Option<(usize, usize)> {
+    for (y, row) in rows.iter().enumerate() {
         for i in 0..N {
             if row[i] != 0 {
                 return Some((64 * i + row[i].trailing_zeros() as usize, y));
@@ -258,10 +301,34 @@ fn first_pixel<const N: usize>(rows: &[Row; MAX_SIDE], height: usize) -> Option<
     None
 }
 
+/// The pixels that are flooded: those of `rows`, or all others of the window.
+struct Mask<'a, const N: usize> {
+    rows: &'a [Row],
+    others: u64,
+    inside: [u64; N],
+}
+
+impl<'a, const N: usize> Mask<'a, N> {
+    fn set(rows: &'a [Row]) -> Self {
+        Self { rows, others: 0, inside: [u64::MAX; N] }
+    }
+
+    /// The bright pixels of a window.
+    fn bright(bits: &'a Bits) -> Self {
+        Self { rows: bits.rows(), others: u64::MAX, inside: words(&bits.row_mask()) }
+    }
+
+    #[inline(always)]
+    fn row(&self, y: usize) -> Option<[u64; N]> {
+        let row = self.rows.get(y)?;
+        Some(core::array::from_fn(|i| (row[i] ^ self.others) & self.inside[i]))
+    }
+}
+
 /// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies: from the first up
 /// to the second, that one excluded. Other rows of `region` mean nothing.
 fn flood<const N: usize>(
-    mask: &[Row],
+    mask: &Mask<N>,
     region: &mut [Row; MAX_SIDE],
     (x, y): (usize, usize),
     reach: Reach,
@@ -269,35 +336,40 @@ fn flood<const N: usize>(
     let (mut from, mut to) = (y, y + 1);
     let mut seed = [0; N];
     *seed.get_mut(x / 64).ok_or(Clutter)? = 1 << (x % 64);
-    let (Some(first), Some(own)) = (region.get_mut(y), mask.get(y)) else { return Err(Clutter) };
-    put(first, &fill(&seed, &words(own)));
+    let (Some(first), Some(own)) = (region.get_mut(y), mask.row(y)) else { return Err(Clutter) };
+    put(first, &fill(&seed, &own));
     for sweep in 0..MAX_SWEEPS {
         // Down through the rows that have some of it and beyond, then up, until a way changes nothing.
         let (mut grown, mut before) = (false, [0; N]);
-        for (row, (into, mask)) in region.iter_mut().zip(mask).enumerate().skip(from) {
+        let mut row = from;
+        while let (Some(into), Some(own)) = (region.get_mut(row), mask.row(row)) {
             if row == to {
                 *into = [0; WORDS];
-                if !grow(into, mask, &mut before, reach) {
+                if !grow(into, &own, &mut before, reach) {
                     break;
                 }
                 (grown, to) = (true, row + 1);
             } else {
-                grown |= grow(into, mask, &mut before, reach);
+                grown |= grow(into, &own, &mut before, reach);
             }
+            row += 1;
         }
         if sweep > 0 && !grown {
             return Ok((from, to));
         }
         (grown, before) = (false, [0; N]);
-        for (row, (into, mask)) in region.iter_mut().zip(mask).enumerate().take(to).rev() {
+        let mut rows = (0..to).rev();
+        while let Some(row) = rows.next()
+            && let (Some(into), Some(own)) = (region.get_mut(row), mask.row(row))
+        {
             if row + 1 == from {
                 *into = [0; WORDS];
-                if !grow(into, mask, &mut before, reach) {
+                if !grow(into, &own, &mut before, reach) {
                     break;
                 }
                 (grown, from) = (true, row);
             } else {
-                grown |= grow(into, mask, &mut before, reach);
+                grown |= grow(into, &own, &mut before, reach);
             }
         }
         if !grown {
@@ -310,8 +382,8 @@ fn flood<const N: usize>(
 /// Grows a flooded row by what it shares with the flooded row `before` it, which it then takes the place of. Says
 /// whether it grew.
 #[inline(always)]
-fn grow<const N: usize>(row: &mut Row, mask: &Row, before: &mut [u64; N], reach: Reach) -> bool {
-    let (present, mask): ([u64; N], [u64; N]) = (words(row), words(mask));
+fn grow<const N: usize>(row: &mut Row, mask: &[u64; N], before: &mut [u64; N], reach: Reach) -> bool {
+    let present: [u64; N] = words(row);
     let mut fresh = 0;
     let seed = core::array::from_fn(|i| {
         let spread = match reach {
@@ -330,7 +402,7 @@ fn grow<const N: usize>(row: &mut Row, mask: &Row, before: &mut [u64; N], reach:
         *before = present;
         return false;
     }
-    *before = fill(&seed, &mask);
+    *before = fill(&seed, mask);
     put(row, before);
     true
 }
@@ -368,7 +440,8 @@ fn fill<const N: usize>(seed: &[u64; N], mask: &[u64; N]) -> [u64; N] {
 /// Area, moments and bounding box of a region.
 fn part<const N: usize>(region: &[Row; MAX_SIDE], (from, to): (usize, usize)) -> Part {
     let mut part = Part::EMPTY;
-    for (y, row) in region.iter().enumerate().take(to).skip(from) {
+    let rows = region.get(from..to).unwrap_or_default();
+    for (y, row) in (from as u32..).zip(rows) {
         for i in 0..N {
             // Runs that cross from word to word count as two: the sums are the same.
             let mut rest = row[i];
@@ -377,7 +450,7 @@ fn part<const N: usize>(region: &[Row; MAX_SIDE], (from, to): (usize, usize)) ->
                 let ones = (!(rest >> start)).trailing_zeros();
                 let end = start + ones;
                 rest &= u64::MAX.checked_shl(end).unwrap_or(0);
-                part.add_run(y as u32, 64 * i as u32 + start, 64 * i as u32 + end);
+                part.add_run(y, 64 * i as u32 + start, 64 * i as u32 + end);
             }
         }
     }
@@ -439,9 +512,13 @@ mod tests {
         components.find(bits)?;
         let mut out = Vec::new();
         while let Some((hole, dark)) = components.next_ring(bits, 0.0)? {
-            out.push([hole, dark].map(|part| (part.area, part.sums[0], part.sums[1])));
+            out.push([hole, dark].map(sums));
         }
         Ok(out)
+    }
+
+    fn sums(part: Part) -> Sums {
+        (part.area, part.sums[0], part.sums[1])
     }
 
     fn check(plane: &Plane) {
@@ -460,6 +537,17 @@ mod tests {
         assert_eq!(found.iter().map(|[hole, _]| *hole).collect::<Vec<_>>(), holes);
 
         let mut components = Box::new(Components::new());
+        let pixels = (0..width * height).map(|i| [(i % width) as f64, (i / width) as f64]);
+        let mut about: Vec<_> = pixels
+            .filter_map(|at| components.ring_at(&bits, at))
+            .map(|(hole, dark)| [hole, dark].map(sums))
+            .collect();
+        let holes: u32 = holes.iter().map(|hole| hole.0).sum();
+        assert_eq!(about.len(), holes as usize, "every pixel of a hole tells its ring");
+        about.sort_unstable();
+        about.dedup();
+        assert_eq!(about, found);
+
         components.find(&bits).unwrap();
         let (mut all, mut count) = (Vec::new(), 0);
         components.each_dark(&bits, |part| {
