@@ -12,10 +12,9 @@ use gangway_pose::Centre;
 
 use crate::candidate::Candidate;
 use crate::edge::{FOURTH, SQUARE};
-use crate::lanes::Lanes;
 use crate::light::Light;
 use crate::loader::{Rect, full_scale};
-use crate::model::{Kernel, Model, SUMS};
+use crate::model::{Kernel, Model};
 use crate::patch::{Belts, Patch};
 use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings};
@@ -46,7 +45,7 @@ const MAX_BLACK: f64 = 0.5;
 const FIRST_BLUR: f64 = 0.7;
 
 /// Share of an edge's half width that is taken: beyond it a pixel counts less than a thirtieth of the steepest.
-const BELT: f64 = 0.85;
+const BELT: f64 = 0.75;
 /// What is taken beside that, px: so far the centre may still move.
 const SLACK_PX: f64 = 0.1;
 
@@ -107,7 +106,7 @@ pub(crate) fn measure(
         end: (radial.outer + width).min(start.white_end),
     };
     workspace.patch.take(frame, rect, model.centre, model.shape, &belts, 1);
-    let fit = converge(&workspace.patch, &mut model, full, &start)?;
+    let fit = converge(&workspace.patch, &mut model, &start)?;
     fit.check(radial.contrast)?;
     let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
     let is_light = tilt * radial.outer <= MAX_TILT * radial.white;
@@ -164,11 +163,11 @@ fn rough(
         blur: FIRST_BLUR,
     };
     let shape = [uu / root, uv / root, vv / root];
-    let mut model = Model { centre, shape, radial, slope: [0.0; 2], bias: [[0.0; 2]; 2] };
+    let inner_bias = 1.0 / (search.ratio * search.ratio);
+    let mut model = Model { centre, shape, radial, slope: [0.0; 2], bias: [0.0; 2], inner_bias };
     // The candidate's centre is that of its outer edge.
     model.centre = [0, 1].map(|i| centre[i] - search.bias[i]);
-    let bias = model.in_circle(search.bias);
-    model.bias = [bias, bias.map(|bias| bias / (search.ratio * search.ratio))];
+    model.bias = model.in_circle(search.bias);
     Ok((rect, model))
 }
 
@@ -194,7 +193,7 @@ fn start(
     let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(2);
     patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), every);
     profile.clear(end);
-    Kernel::new(model, patch.origin(), full, f64::INFINITY).collect(patch, profile);
+    Kernel::new(model, patch.origin(), f64::INFINITY).collect(patch, profile);
     profile.close();
     // A fifth of the window is as bright as this: its white is clipped.
     let clipped = model.radial.white > (1.0 - CLIPPED) * full;
@@ -217,7 +216,7 @@ fn start(
     }
     // The profile's centre is that of both edges together.
     let share = model.radial.outer_share();
-    let seen = [0, 1].map(|i| share * model.bias[0][i] + (1.0 - share) * model.bias[1][i]);
+    let seen = model.bias.map(|bias| (share + (1.0 - share) * model.inner_bias) * bias);
     let step = model.out_of_circle([lean.step[0] - seen[0], lean.step[1] - seen[1]]);
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     model.slope = lean.white_slope;
@@ -259,21 +258,19 @@ impl Fit {
 }
 
 /// Passes over all rows until the centre stays.
-fn converge(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fit, Refusal> {
-    let mut fit = pass(patch, model, full, start)?;
+fn converge(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
+    let mut fit = pass(patch, model, start)?;
     for _ in 1..PASSES {
         if libm::hypot(fit.step[0], fit.step[1]) < SMALL_STEP_PX {
             break;
         }
-        fit = pass(patch, model, full, start)?;
+        fit = pass(patch, model, start)?;
     }
     Ok(fit)
 }
 
 /// One pass: corrects centre and slope.
-fn pass(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fit, Refusal> {
-    let mut sum = [Lanes::ZERO; SUMS];
-    Kernel::new(model, patch.origin(), full, start.saturated).fit(patch, &mut sum);
+fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
     let lean = &start.lean;
     let [
         outer_x,
@@ -288,7 +285,7 @@ fn pass(patch: &Patch, model: &mut Model, full: f64, start: &Start) -> Result<Fi
         slope_y,
         cross,
         slope_square,
-    ] = sum.map(Lanes::sum);
+    ] = Kernel::new(model, patch.origin(), start.saturated).fit(patch);
     if square < 1.0 {
         return Err(Refusal::Outline);
     }

@@ -6,6 +6,14 @@ use core::ops::{Add, AddAssign, Mul, Sub};
 /// Numbers in a vector.
 pub(crate) const LANES: usize = 4;
 
+/// Numbers in a block, for loops that the compiler makes vectors of, and its vectors.
+pub(crate) const BLOCK: usize = 32;
+pub(crate) const RUNS: usize = BLOCK / LANES;
+const _: () = assert!(BLOCK == RUNS * LANES);
+
+/// A number for each place in a block.
+pub(crate) type Column = [f32; BLOCK];
+
 /// Four numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(16))]
@@ -13,11 +21,6 @@ pub(crate) struct Lanes([f32; LANES]);
 
 impl Lanes {
     pub(crate) const ZERO: Self = Self([0.0; LANES]);
-
-    #[inline(always)]
-    pub(crate) fn splat(value: f32) -> Self {
-        Self([value; LANES])
-    }
 
     #[inline(always)]
     pub(crate) const fn of(values: [f32; LANES]) -> Self {
@@ -28,14 +31,6 @@ impl Lanes {
     #[inline(always)]
     pub(crate) fn load<const N: usize>(column: &[f32; N], i: usize) -> Self {
         Self(core::array::from_fn(|lane| column[LANES * i + lane]))
-    }
-
-    /// Puts them where [`Self::load`] finds them.
-    #[inline(always)]
-    pub(crate) fn store<const N: usize>(self, column: &mut [f32; N], i: usize) {
-        for (lane, value) in self.0.into_iter().enumerate() {
-            column[LANES * i + lane] = value;
-        }
     }
 
     #[inline(always)]

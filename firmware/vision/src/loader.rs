@@ -5,7 +5,6 @@
 use gangway_device::{Frame, Layout};
 
 use crate::MAX_SIDE;
-use crate::patch::BLOCK;
 
 /// A rectangle of the picture that lies wholly within it, at most `MAX_SIDE` either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,36 +113,54 @@ fn top_of_word(word: [u8; 2], bits: u8) -> u8 {
     (u16::from_le_bytes(word) >> bits.saturating_sub(8).min(8)).min(255) as u8
 }
 
-/// Takes `count` samples, at most a block, of row `y` of the picture from column `x` on at full depth. What is in `into`
-/// beyond them means nothing.
-#[inline]
-pub(crate) fn load_block(frame: &Frame, (x, y): (u16, u16), count: usize, into: &mut [f32; BLOCK]) {
-    let count = count.min(BLOCK);
-    if frame.layout() == Layout::GREY
-        && let Some(bytes) = frame.row(y).and_then(|row| row.get(x as usize..))
-        && let Some(bytes) = bytes.first_chunk::<BLOCK>()
-    {
-        return widen(bytes, into);
-    }
-    match samples(frame, x, y, count) {
-        Samples::Byte(bytes) => into.iter_mut().zip(bytes).for_each(|(to, from)| *to = f32::from(*from)),
-        Samples::Spread(bytes, step) => {
-            into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = f32::from(*from))
-        }
-        Samples::Word(bytes, _) => {
-            for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
-                *to = f32::from(u16::from_le_bytes([from[0], from[1]]));
-            }
-        }
-        Samples::None => into.fill(0.0),
-    }
+/// Samples that are taken at full depth together.
+pub(crate) const CHUNK: usize = 16;
+
+/// A row of the picture from a column on, at full depth.
+pub(crate) struct Row<'a> {
+    frame: &'a Frame<'a>,
+    y: u16,
+    x: u16,
+    /// Its bytes where they are the samples.
+    bytes: &'a [u8],
 }
 
-/// Not inlined: so the compiler makes one loop over whole vectors of it.
-#[inline(never)]
-fn widen(bytes: &[u8; BLOCK], into: &mut [f32; BLOCK]) {
-    for i in 0..BLOCK {
-        into[i] = f32::from(bytes[i]);
+impl<'a> Row<'a> {
+    /// Row `y` from column `x` on.
+    pub(crate) fn of(frame: &'a Frame<'a>, y: u16, x: u16) -> Self {
+        let bytes = match frame.layout() {
+            Layout::GREY => frame.row(y).and_then(|row| row.get(usize::from(x)..)),
+            _ => None,
+        };
+        Self { frame, y, x, bytes: bytes.unwrap_or_default() }
+    }
+
+    /// Takes `count` samples, at most a chunk, from column `first` of these on. What is in `into` beyond them means
+    /// nothing.
+    #[inline(always)]
+    pub(crate) fn load(&self, first: usize, count: usize, into: &mut [u16; CHUNK]) {
+        match self.bytes.get(first..).and_then(|bytes| bytes.first_chunk::<CHUNK>()) {
+            Some(bytes) => *into = bytes.map(u16::from),
+            None => self.load_any(first, count, into),
+        }
+    }
+
+    #[inline(never)]
+    fn load_any(&self, first: usize, count: usize, into: &mut [u16; CHUNK]) {
+        match samples(self.frame, self.x + first as u16, self.y, count.min(CHUNK)) {
+            Samples::Byte(bytes) => into.iter_mut().zip(bytes).for_each(|(to, from)| *to = u16::from(*from)),
+            Samples::Spread(bytes, step) => {
+                into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = u16::from(*from))
+            }
+            Samples::Word(bytes, bits) => {
+                // Stray bits above the significant ones count as white.
+                let full = u16::MAX >> (16 - bits.clamp(1, 16));
+                for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
+                    *to = u16::from_le_bytes([from[0], from[1]]).min(full);
+                }
+            }
+            Samples::None => into.fill(0),
+        }
     }
 }
 

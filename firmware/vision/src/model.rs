@@ -1,9 +1,9 @@
 //! The model ring: an elliptic ring with blurred edges on white that may slope, and what its pixels say of its centre.
 
 use crate::edge::edge;
-use crate::lanes::{LANES, Lanes};
-use crate::patch::{BLOCK, Block, Patch, RUNS};
-use crate::profile::{Profile, Radial};
+use crate::lanes::{BLOCK, Column, Lanes, RUNS};
+use crate::patch::{Block, Patch};
+use crate::profile::{Places, Profile, Radial};
 
 /// What the model ring looks like.
 #[derive(Clone, Copy, Debug)]
@@ -14,9 +14,11 @@ pub(crate) struct Model {
     pub(crate) radial: Radial,
     /// Slope of the white in the circle's plane, a px.
     pub(crate) slope: [f64; 2],
-    /// How far perspective moves the outer and the inner edge from the circle's centre, in the circle's plane, px: it
-    /// grows with their radius squared (thesis 3.2.4). Slope and centre could not be told apart without it.
-    pub(crate) bias: [[f64; 2]; 2],
+    /// How far perspective moves the outer edge from the circle's centre, in the circle's plane, px, and the inner edge's
+    /// share of that: it grows with the radius squared (thesis 3.2.4). Slope and centre could not be told apart without
+    /// it.
+    pub(crate) bias: [f64; 2],
+    pub(crate) inner_bias: f64,
 }
 
 impl Model {
@@ -48,21 +50,12 @@ impl Model {
     }
 }
 
-/// A number for each pixel of a block.
-type Column = [f32; BLOCK];
-
-/// Where pixels are in the circle's plane.
-struct Places {
-    /// Distance from the centre along x and y, px.
-    x: Column,
-    y: Column,
-    /// Distance from the centre and its inverse, px and 1/px.
-    radius: Column,
-    per_radius: Column,
-}
-
 /// What pixels say.
 struct Pixels {
+    /// Direction from the centre, and distance, px, in the circle's plane.
+    x: Column,
+    y: Column,
+    radius: Column,
     /// Value less model.
     residual: Column,
     /// How much the value changes as the outer and the inner edge move outwards, over the greatest such change.
@@ -79,161 +72,169 @@ pub(crate) struct Kernel {
     root: [f32; 3],
     outer: f32,
     inner: f32,
-    /// 1 / half width of an edge, 1/px.
-    per_width: f32,
+    /// Radius beyond all pixels of a patch and within what fills it up.
+    beyond: f32,
     white: f32,
     slope: [f32; 2],
-    outer_bias: [f32; 2],
-    inner_bias: [f32; 2],
+    bias: [f32; 2],
+    inner_bias: f32,
     /// White less black, share of white.
     depth: f32,
-    /// Values above this are no samples, and where the model is above the other the sensor is saturated.
-    most: f32,
+    /// Where the model is above this the sensor is saturated.
     saturated: f32,
-    /// How much narrower than its mean an edge is, by its direction: the picture's blur is round, but in the circle's
-    /// plane it is not.
-    narrow: [f32; 3],
+    /// 1 / half width of an edge, 1/px, by its direction (x, y): [0] + y ([1] x + [2] y). The picture's blur is round, but
+    /// in the circle's plane it is not.
+    per_width: [f32; 3],
 }
 
-/// How far samples are moved from the edges for each step that they are beyond saturation, px.
-const FAR: f32 = 1e4;
+/// White around a ring that a patch has at the most, and what fills it up is more than that away, px.
+const BEYOND_PX: f32 = 8.0;
 
-/// Sums of the fit.
-pub(crate) const SUMS: usize = 12;
-
-/// Columns of a run's pixels from its first one.
-const STEPS: Lanes = Lanes::of([0.0, 1.0, 2.0, 3.0]);
+/// Sums of the fit: of the edges, then of the slope.
+const EDGE_SUMS: usize = 8;
+const SLOPE_SUMS: usize = 4;
+pub(crate) const SUMS: usize = EDGE_SUMS + SLOPE_SUMS;
 
 impl Kernel {
-    /// For a patch from `origin`, with samples up to `full`; what the model makes brighter than `saturated` says nothing.
-    pub(crate) fn new(model: &Model, origin: [f64; 2], full: f64, saturated: f64) -> Self {
+    /// For a patch from `origin`; what the model makes brighter than `saturated` says nothing.
+    pub(crate) fn new(model: &Model, origin: [f64; 2], saturated: f64) -> Self {
         let radial = &model.radial;
         // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the inverse of
-        // the shape; 1 / sqrt(g) is 3/2 - g/2 about 1.
+        // the shape; 1 / sqrt(g) is 3/2 - g/2 about 1. The squares of a direction sum to 1.
         let [uu, uv, vv] = model.shape;
+        let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
         Self {
             centre: [0, 1].map(|i| (model.centre[i] - origin[i]) as f32),
             root: model.root().map(|x| x as f32),
             outer: radial.outer as f32,
             inner: radial.inner as f32,
-            per_width: (1.0 / radial.half_width()) as f32,
+            beyond: radial.outer as f32 + BEYOND_PX,
             white: radial.white as f32,
             slope: model.slope.map(|x| x as f32),
-            outer_bias: model.bias[0].map(|x| x as f32),
-            inner_bias: model.bias[1].map(|x| x as f32),
+            bias: model.bias.map(|x| x as f32),
+            inner_bias: model.inner_bias as f32,
             depth: (radial.contrast / radial.white) as f32,
-            most: (full + 0.5) as f32,
             saturated: saturated as f32,
-            narrow: [1.5 - 0.5 * vv, uv, 1.5 - 0.5 * uu].map(|x| x as f32),
+            per_width: narrow.map(|x| (x / radial.half_width()) as f32),
         }
     }
 
-    /// Not inlined, as [`Self::compare`]: so the compiler makes one loop over whole vectors of it.
+    /// Where a pixel is in the circle's plane from the centre, and its distance and the inverse of that.
+    #[inline(always)]
+    fn locate(&self, column: u8, row: u8) -> ([f32; 2], f32, f32) {
+        let (du, dv) = (f32::from(column) - self.centre[0], f32::from(row) - self.centre[1]);
+        let (x, y) = (self.root[0] * du + self.root[1] * dv, self.root[1] * du + self.root[2] * dv);
+        let square = x * x + y * y;
+        let per_radius = inverse_sqrt(square);
+        ([x, y], square * per_radius, per_radius)
+    }
+
+    /// Not inlined, as [`Self::place`]: so the compiler makes one loop over whole vectors of it.
     #[inline(never)]
-    fn locate(&self, (columns, rows, _): Block, places: &mut Places) {
-        let (mut du, mut dv) = ([0.0; BLOCK], [0.0; BLOCK]);
-        for run in 0..RUNS {
-            (Lanes::splat(f32::from(columns[run]) - self.centre[0]) + STEPS).store(&mut du, run);
-            Lanes::splat(f32::from(rows[run]) - self.centre[1]).store(&mut dv, run);
-        }
-        let root = self.root;
+    fn compare(&self, (columns, rows, values): &Block, pixels: &mut Pixels) {
         for i in 0..BLOCK {
-            let (x, y) = (root[0] * du[i] + root[1] * dv[i], root[1] * du[i] + root[2] * dv[i]);
-            let square = x * x + y * y;
-            let per_radius = inverse_sqrt(square);
-            (places.x[i], places.y[i]) = (x, y);
-            (places.radius[i], places.per_radius[i]) = (square * per_radius, per_radius);
-        }
-    }
-
-    #[inline(never)]
-    fn compare(&self, (_, _, values): Block, places: &Places, pixels: &mut Pixels) {
-        for (i, &value) in values.iter().enumerate() {
-            let (x, y) = (places.x[i] * places.per_radius[i], places.y[i] * places.per_radius[i]);
-            // What fills up runs says nothing, as if it were far from any edge.
-            let over = value - self.most;
-            let over = if over > 0.0 { over } else { 0.0 };
-            let radius = places.radius[i] + over * FAR;
-            let narrow = self.narrow[0] * x * x + self.narrow[1] * x * y + self.narrow[2] * y * y;
-            let per_width = self.per_width * narrow;
-            let outer_bias = self.outer_bias[0] * x + self.outer_bias[1] * y;
-            let inner_bias = self.inner_bias[0] * x + self.inner_bias[1] * y;
-            let (outer, outer_sum) = edge((radius - self.outer - outer_bias) * per_width);
-            let (inner, inner_sum) = edge((radius - self.inner - inner_bias) * per_width);
+            let ([x, y], radius, per_radius) = self.locate(columns[i], rows[i]);
+            let white = self.white + self.slope[0] * x + self.slope[1] * y;
+            let (x, y) = (x * per_radius, y * per_radius);
+            let per_width = self.per_width[0] + y * (self.per_width[1] * x + self.per_width[2] * y);
+            let bias = self.bias[0] * x + self.bias[1] * y;
+            let (outer, outer_sum) = edge((radius - self.outer - bias) * per_width);
+            let (inner, inner_sum) = edge((radius - self.inner - self.inner_bias * bias) * per_width);
             let by_white = 1.0 - self.depth * (inner_sum - outer_sum);
-            let white = self.white + self.slope[0] * places.x[i] + self.slope[1] * places.y[i];
             let model = white * by_white;
-            let counts = if model + over * FAR < self.saturated { 1.0 } else { 0.0 };
-            pixels.residual[i] = value - model;
+            let counts = (model < self.saturated) & (radius < self.beyond);
+            let counts = if counts { 1.0 } else { 0.0 };
+            (pixels.x[i], pixels.y[i], pixels.radius[i]) = (x, y, radius);
+            pixels.residual[i] = f32::from(values[i]) - model;
             pixels.outer[i] = outer * counts;
             pixels.inner[i] = inner * counts;
             pixels.by_white[i] = by_white * counts;
         }
     }
 
+    #[inline(never)]
+    fn place(&self, (columns, rows, _): &Block, places: &mut Places) {
+        for i in 0..BLOCK {
+            let ([x, y], radius, _) = self.locate(columns[i], rows[i]);
+            (places.x[i], places.y[i], places.radius[i]) = (x, y, radius);
+        }
+    }
+
     /// Adds the pixels of a patch to the profile about this centre.
     pub(crate) fn collect(&self, patch: &Patch, profile: &mut Profile) {
-        let mut places = Places::new();
+        let mut places = Places { x: [0.0; BLOCK], y: [0.0; BLOCK], radius: [0.0; BLOCK] };
         for block in patch.blocks() {
-            self.locate(block, &mut places);
-            profile.add((&places.x, &places.y, &places.radius), block.2);
+            self.place(&block, &mut places);
+            profile.add(&places, block.2);
         }
     }
 
     /// Sums over the pixels of a patch for the centre by either edge, the noise, the outer edge's third harmonic and
     /// the slope.
-    pub(crate) fn fit(&self, patch: &Patch, sum: &mut [Lanes; SUMS]) {
-        let mut places = Places::new();
+    pub(crate) fn fit(&self, patch: &Patch) -> [f64; SUMS] {
         let zero = [0.0; BLOCK];
-        let mut pixels = Pixels { residual: zero, outer: zero, inner: zero, by_white: zero };
+        let mut pixels = Pixels {
+            x: zero,
+            y: zero,
+            radius: zero,
+            residual: zero,
+            outer: zero,
+            inner: zero,
+            by_white: zero,
+        };
+        let (mut edges, mut slope) = ([Lanes::ZERO; EDGE_SUMS], [Lanes::ZERO; SLOPE_SUMS]);
         for block in patch.blocks() {
-            self.locate(block, &mut places);
-            self.compare(block, &places, &mut pixels);
-            add(&places, &pixels, sum);
+            self.compare(&block, &mut pixels);
+            add_edges(&pixels, &mut edges);
+            add_slope(&pixels, &mut slope);
         }
+        let mut sums = [0.0; SUMS];
+        for (sum, lanes) in sums.iter_mut().zip(edges.iter().chain(&slope)) {
+            *sum = lanes.sum();
+        }
+        sums
     }
 }
 
-impl Places {
-    fn new() -> Self {
-        let zero = [0.0; BLOCK];
-        Self { x: zero, y: zero, radius: zero, per_radius: zero }
-    }
-}
-
-/// Not inlined, with the sums in memory: so the compiler keeps the four together.
+/// Not inlined, with a copy of the sums: so the compiler keeps them in vectors.
 #[inline(never)]
-fn add(places: &Places, pixels: &Pixels, sum: &mut [Lanes; SUMS]) {
+fn add_edges(pixels: &Pixels, sums: &mut [Lanes; EDGE_SUMS]) {
+    let mut sum = *sums;
     for run in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, run);
-        let per_radius = at(&places.per_radius);
-        let (x, y) = (at(&places.x) * per_radius, at(&places.y) * per_radius);
-        let (outer, inner, residual) = (at(&pixels.outer), at(&pixels.inner), at(&pixels.residual));
+        let (x, y, residual) = (at(&pixels.x), at(&pixels.y), at(&pixels.residual));
+        let (outer, inner) = (at(&pixels.outer), at(&pixels.inner));
         let (outer_residual, inner_residual) = (outer * residual, inner * residual);
         let (outer_x, outer_y) = (outer_residual * x, outer_residual * y);
-        let steep = outer - inner;
-        let steep_residual = outer_residual - inner_residual;
-        let two_xy = x * y + x * y;
-        let four_xy = two_xy + two_xy;
         sum[0] += outer_x;
         sum[1] += outer_y;
         sum[2] += inner_residual * x;
         sum[3] += inner_residual * y;
+        let (steep, steep_residual) = (outer - inner, outer_residual - inner_residual);
         sum[4] += steep * steep;
         sum[5] += steep_residual * steep_residual;
+        let two_xy = x * y + x * y;
+        let four_xy = two_xy + two_xy;
         sum[6] += outer_x - outer_y * four_xy;
         sum[7] += outer_x * four_xy - outer_y;
-        let by_white = at(&pixels.by_white);
-        let white_residual = by_white * residual;
-        let slope = by_white * at(&places.radius);
-        sum[8] += white_residual * at(&places.x);
-        sum[9] += white_residual * at(&places.y);
-        sum[10] += steep * slope;
-        sum[11] += slope * slope;
     }
+    *sums = sum;
 }
 
-const _: () = assert!(LANES == 4 && BLOCK == RUNS * LANES);
+#[inline(never)]
+fn add_slope(pixels: &Pixels, sums: &mut [Lanes; SLOPE_SUMS]) {
+    let mut sum = *sums;
+    for run in 0..RUNS {
+        let at = |column: &Column| Lanes::load(column, run);
+        let slope = at(&pixels.by_white) * at(&pixels.radius);
+        let slope_residual = slope * at(&pixels.residual);
+        sum[0] += slope_residual * at(&pixels.x);
+        sum[1] += slope_residual * at(&pixels.y);
+        sum[2] += (at(&pixels.outer) - at(&pixels.inner)) * slope;
+        sum[3] += slope * slope;
+    }
+    *sums = sum;
+}
 
 /// 1 / sqrt(x) to 7e-4 of itself, finite for every x >= 0.
 #[inline(always)]
@@ -246,7 +247,11 @@ fn inverse_sqrt(x: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use gangway_device::{Frame, Layout};
+
     use super::*;
+    use crate::loader::Rect;
+    use crate::patch::Belts;
 
     #[test]
     fn the_inverse_root_is_good_to_seven_ten_thousandths() {
@@ -256,5 +261,38 @@ mod tests {
             assert!((f64::from(inverse_sqrt(x)) / exact - 1.0).abs() < 7e-4);
         }
         assert!(inverse_sqrt(0.0).is_finite());
+    }
+
+    #[test]
+    fn what_fills_up_a_block_says_nothing() {
+        let bytes = [200; 64 * 64];
+        let frame = Frame::new(&bytes, (64, 64), 64, Layout::GREY, 0, 0).unwrap();
+        let rect = Rect::clipped(&frame, [2.0, 2.0], [61.0, 61.0]).unwrap();
+        let mut patch = std::boxed::Box::new(Patch::new());
+        for (outer, uu) in [(6.0, 1.0), (9.3, 1.2), (20.0, 0.9)] {
+            let radial = Radial { white: 200.0, contrast: 150.0, outer, inner: 0.5 * outer, blur: 0.7 };
+            let shape = [uu, 0.0, 1.0 / uu];
+            let model = Model {
+                centre: [30.3, 31.8],
+                shape,
+                radial,
+                slope: [0.0; 2],
+                bias: [0.0; 2],
+                inner_bias: 0.25,
+            };
+            patch.take(&frame, rect, model.centre, shape, &Belts::whole(outer + 4.0), 1);
+            let sums = Kernel::new(&model, patch.origin(), f64::INFINITY).fit(&patch);
+            // Beyond the outer edge all is white, and grows with a slope as its radius.
+            let pixels = (0..64 * 64).map(|i| [f64::from(i % 64) - 30.3, f64::from(i / 64) - 31.8]);
+            let radii = pixels.map(|at| {
+                let [x, y] = model.in_circle(at);
+                x.hypot(y)
+            });
+            let inside = radii.filter(|radius| *radius < outer + 4.0);
+            let most: f64 = inside.map(|radius| radius * radius).sum();
+            // The ring's black takes three quarters of its share away; a single pixel of filling would add 60,000.
+            let slope_square = sums[SUMS - 1];
+            assert!((0.4 * most..most).contains(&slope_square), "{outer}: {slope_square} of {most}");
+        }
     }
 }

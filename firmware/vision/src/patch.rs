@@ -3,36 +3,37 @@
 use gangway_device::Frame;
 
 use crate::MAX_SIDE;
-use crate::lanes::LANES;
-use crate::loader::{Rect, load_block};
+use crate::lanes::BLOCK;
+use crate::loader::{CHUNK, Rect, Row};
 
-/// Pixels that are worked on together.
-pub(crate) const BLOCK: usize = 32;
-
-/// Runs of `LANES` neighbours in a block.
-pub(crate) const RUNS: usize = BLOCK / LANES;
-
-/// A whole window, and what fills up the last run of every row, four times where a row is taken in four parts.
-const MAX_PIXELS: usize = (MAX_SIDE + 4 * LANES).next_multiple_of(BLOCK) * MAX_SIDE;
+/// A whole window, and what the last span and block are filled up with.
+const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + BLOCK;
 
 /// A gap in a row that is narrower, px, costs less than two spans.
 const WORTHWHILE_PX: f64 = 6.0;
 
-/// Columns of the first pixels of the runs of a block, from the first one's, in the bytes of a number.
-const COLUMNS: u64 = 0x1c18_1410_0c08_0400;
-const ALIKE: u64 = 0x0101_0101_0101_0101;
-const _: () = assert!(RUNS == 8 && LANES == 4 && MAX_SIDE + BLOCK <= 256);
+/// Columns of a chunk's pixels from its first one.
+const COLUMNS: [u8; CHUNK] = {
+    let mut columns = [0; CHUNK];
+    let mut i = 0;
+    while i < CHUNK {
+        columns[i] = i as u8;
+        i += 1;
+    }
+    columns
+};
 
-/// Value of what fills up runs and blocks: more than any sample, so that it counts as saturated.
-const FILL: f32 = f32::MAX;
+/// Column and row of what fills up the last block: far from every ring, which lies wholly within the patch.
+const FILL: u8 = u8::MAX;
+const _: () = assert!(MAX_SIDE + 63 <= FILL as usize && BLOCK.is_multiple_of(CHUNK));
 
 /// Pixels of a part of the picture.
 pub(crate) struct Patch {
-    /// Column and row of each run's first pixel from the corner of the part.
-    x: [u8; MAX_PIXELS / LANES],
-    y: [u8; MAX_PIXELS / LANES],
-    values: [f32; MAX_PIXELS],
-    /// Pixels taken, with what fills up the runs.
+    /// Column and row from the corner of the part.
+    x: [u8; MAX_PIXELS],
+    y: [u8; MAX_PIXELS],
+    values: [u16; MAX_PIXELS],
+    /// Pixels taken.
     count: usize,
     rect: Rect,
 }
@@ -54,15 +55,15 @@ impl Belts {
     }
 }
 
-/// Column and row of runs, and values of pixels.
-pub(crate) type Block<'a> = (&'a [u8; RUNS], &'a [u8; RUNS], &'a [f32; BLOCK]);
+/// Columns, rows and values of pixels.
+pub(crate) type Block<'a> = (&'a [u8; BLOCK], &'a [u8; BLOCK], &'a [u16; BLOCK]);
 
 impl Patch {
     pub(crate) const fn new() -> Self {
         Self {
-            x: [0; MAX_PIXELS / LANES],
-            y: [0; MAX_PIXELS / LANES],
-            values: [0.0; MAX_PIXELS],
+            x: [0; MAX_PIXELS],
+            y: [0; MAX_PIXELS],
+            values: [0; MAX_PIXELS],
             count: 0,
             rect: Rect { x: 0, y: 0, width: 0, height: 0 },
         }
@@ -95,82 +96,92 @@ impl Patch {
             let dy = row as f64 - own[1];
             // Half the chord that the row cuts out of each ellipse; none where it passes by.
             let half = |i: usize| libm::sqrt((squares[i] - dy * dy).max(0.0)) * per_q0;
-            let middle = own[0] + lean * dy;
             let end = half(3);
             if end <= 0.0 {
                 continue;
             }
+            let middle = own[0] + lean * dy;
+            let line = Line {
+                samples: Row::of(frame, rect.y + row as u16, rect.x),
+                row: row as u8,
+                width: rect.width,
+            };
             let (again, to) = if split { (half(2), half(1)) } else { (0.0, 0.0) };
             if to > 0.0 && again - to > WORTHWHILE_PX {
-                self.take_span(frame, row, middle - end, middle - again);
-                self.take_about(frame, row, middle, half(0), to);
-                self.take_span(frame, row, middle + again, middle + end);
+                self.take_span(&line, middle - end, middle - again);
+                self.take_about(&line, middle, half(0), to);
+                self.take_span(&line, middle + again, middle + end);
             } else if split && to <= 0.0 {
-                self.take_about(frame, row, middle, again, end);
+                self.take_about(&line, middle, again, end);
             } else if hollow {
-                self.take_about(frame, row, middle, half(0), end);
+                self.take_about(&line, middle, half(0), end);
             } else {
-                self.take_span(frame, row, middle - end, middle + end);
+                self.take_span(&line, middle - end, middle + end);
             }
         }
-        while !self.count.is_multiple_of(BLOCK) {
-            let runs = self.x.get_mut(self.count / LANES).zip(self.y.get_mut(self.count / LANES));
-            let values = self.values.get_mut(self.count..self.count + LANES);
-            let (Some((x, y)), Some(values)) = (runs, values) else { return };
-            (*x, *y) = (0, 0);
-            values.fill(FILL);
-            self.count += LANES;
+        let end = self.count.next_multiple_of(BLOCK);
+        for places in [&mut self.x, &mut self.y] {
+            places.get_mut(self.count..end).unwrap_or_default().fill(FILL);
         }
     }
 
     /// Takes the pixels of a row from `from` to `to` on either side of `middle`, and those between where they are few.
     #[inline(always)]
-    fn take_about(&mut self, frame: &Frame, row: usize, middle: f64, from: f64, to: f64) {
+    fn take_about(&mut self, line: &Line, middle: f64, from: f64, to: f64) {
         if 2.0 * from > WORTHWHILE_PX {
-            self.take_span(frame, row, middle - to, middle - from);
-            self.take_span(frame, row, middle + from, middle + to);
+            self.take_span(line, middle - to, middle - from);
+            self.take_span(line, middle + from, middle + to);
         } else {
-            self.take_span(frame, row, middle - to, middle + to);
+            self.take_span(line, middle - to, middle + to);
         }
     }
 
     /// Takes the pixels of a row from `low` to `high`.
     #[inline(always)]
-    fn take_span(&mut self, frame: &Frame, row: usize, low: f64, high: f64) {
+    fn take_span(&mut self, line: &Line, low: f64, high: f64) {
         // Rounded up and down: what lies nearer to a belt's edge than a pixel hardly counts.
-        let (start, end) = ((low.max(0.0) + 0.999) as i32 as usize, (high + 1.0).max(0.0) as i32 as usize);
-        let end = end.min(self.rect.width);
-        if start >= end {
-            return;
-        }
-        let length = end - start;
-        let at = (self.rect.x + start as u16, self.rect.y + row as u16);
-        // Written in whole blocks: what is too much is overwritten by the next span.
-        for first in (0..length).step_by(BLOCK) {
-            let (from, run) = (self.count + first, (self.count + first) / LANES);
-            let (Some(x), Some(y)) = (self.x.get_mut(run..run + RUNS), self.y.get_mut(run..run + RUNS))
+        let (start, end) = (rounded(low + 0.5), rounded(high + 0.5).min(line.width));
+        // Written in whole chunks: what is too much is overwritten by the next span.
+        let mut first = start;
+        while first < end {
+            let at = (self.count + first - start).min(MAX_PIXELS - CHUNK);
+            let (Some(x), Some(y), Some(values)) =
+                (chunk(&mut self.x, at), chunk(&mut self.y, at), chunk(&mut self.values, at))
             else {
                 return;
             };
-            let column = (start + first) as u64;
-            x.copy_from_slice(&(column * ALIKE + COLUMNS).to_le_bytes());
-            y.copy_from_slice(&(row as u64 * ALIKE).to_le_bytes());
-            let Some(values) = self.values.get_mut(from..).and_then(|values| values.first_chunk_mut()) else {
-                return;
-            };
-            load_block(frame, (at.0 + first as u16, at.1), length - first, values);
+            *x = COLUMNS.map(|column| column + first as u8);
+            *y = [line.row; CHUNK];
+            line.samples.load(first, (end - first).min(CHUNK), values);
+            first += CHUNK;
         }
-        let rest = self.values.get_mut(self.count + length..);
-        if let Some(rest) = rest.and_then(|values| values.first_chunk_mut::<LANES>()) {
-            *rest = [FILL; LANES];
-        }
-        self.count += length.next_multiple_of(LANES);
+        self.count += end.saturating_sub(start);
     }
 
     /// What was taken.
     pub(crate) fn blocks(&self) -> impl Iterator<Item = Block<'_>> {
         let places = self.x.as_chunks().0.iter().zip(self.y.as_chunks().0);
         let blocks = places.zip(self.values.as_chunks().0).map(|((x, y), values)| (x, y, values));
-        blocks.take(self.count / BLOCK)
+        blocks.take(self.count.div_ceil(BLOCK))
     }
+}
+
+/// A row of the part of the picture.
+struct Line<'a> {
+    samples: Row<'a>,
+    row: u8,
+    width: usize,
+}
+
+/// The nearest whole number, 0 for less; for numbers that are no more than a picture's size, in fewer instructions than
+/// `as` takes, which minds all others.
+#[inline(always)]
+fn rounded(x: f64) -> usize {
+    /// Adding this leaves the number in the last bits.
+    const TO_BITS: f64 = 6_755_399_441_055_744.0;
+    ((x + TO_BITS).to_bits() as i32).max(0) as usize
+}
+
+fn chunk<T>(column: &mut [T; MAX_PIXELS], at: usize) -> Option<&mut [T; CHUNK]> {
+    column.get_mut(at..at + CHUNK)?.first_chunk_mut()
 }

@@ -4,8 +4,7 @@
 //! Pixels are sorted by radius, a quarter of a pixel a cell, and by quadrant of their direction.
 
 use crate::edge::{HALF_WIDTH, PEAK, edge};
-use crate::lanes::{LANES, Lanes};
-use crate::patch::{BLOCK, RUNS};
+use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
 
 /// Quadrants of the direction from the centre: bit 0 is set where x is negative, bit 1 where y is.
 const QUADRANTS: usize = 4;
@@ -22,9 +21,6 @@ const CELLS: usize = QUADRANTS * RINGS;
 
 /// Radii beyond this are taken for it, px: no ring in a window is as large.
 const FARTHEST_PX: f32 = 120.0;
-
-/// Values above this are no samples.
-const MOST: f32 = 65_536.0;
 
 /// Bins of the profile, of two rings of cells each.
 const BINS: usize = RINGS / 2;
@@ -124,12 +120,17 @@ pub(crate) struct Profile {
     count: [f32; BINS],
 }
 
-type Column = [f32; BLOCK];
+/// Where the pixels of a block are in the circle's plane, and how far from the centre, px.
+pub(crate) struct Places {
+    pub(crate) x: Column,
+    pub(crate) y: Column,
+    pub(crate) radius: Column,
+}
 
-/// Derivatives of the profile, their part of the pixels, and residuals, of a block of bins.
+/// Pixels that count, derivatives of the profile and residuals, of a block of bins.
 struct Terms {
+    count: Column,
     rows: [Column; EVEN],
-    counted: [Column; EVEN],
     residual: Column,
 }
 
@@ -159,14 +160,13 @@ impl Profile {
         self.cells.as_chunks_mut().0
     }
 
-    /// Adds pixels at these places from the centre and radii.
-    #[inline(never)]
-    pub(crate) fn add(&mut self, (x, y, radius): (&Column, &Column, &Column), values: &Column) {
-        let (mut cells, mut terms) = ([0; BLOCK], [0; BLOCK]);
-        sort((x, y, radius), values, &mut cells, &mut terms);
-        for (cell, term) in cells.iter().zip(terms) {
+    /// Adds pixels at these places.
+    pub(crate) fn add(&mut self, places: &Places, values: &[u16; BLOCK]) {
+        let mut cells = [0; BLOCK];
+        sort(places, &mut cells);
+        for (cell, value) in cells.iter().zip(values) {
             let sum = &mut self.cells[*cell as usize % CELLS];
-            *sum = sum.wrapping_add(term);
+            *sum = sum.wrapping_add(COUNT + u32::from(*value));
         }
     }
 
@@ -199,14 +199,14 @@ impl Profile {
     pub(crate) fn fit(&self, start: &Radial, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
-        let mut terms = Terms { rows: [zero; EVEN], counted: [zero; EVEN], residual: zero };
+        let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
         for _ in 0..PASSES {
             let mut sums = [Lanes::ZERO; EVEN_SUMS];
             let kernel = Kernel::new(&radial);
             let limits = (end as f32, saturated as f32);
             let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
             for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
-                kernel.compare((radius, value, count), limits, &mut terms);
+                kernel.compare(radius, value, count, limits, &mut terms);
                 add_products(&terms, &mut sums);
             }
             let step = solve(&sums.map(Lanes::sum))?;
@@ -355,22 +355,16 @@ fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squ
     }
 }
 
-/// The cell of every pixel and what it adds to it.
+/// The cell of every pixel.
 #[inline(never)]
-fn sort(
-    (x, y, radius): (&Column, &Column, &Column),
-    values: &Column,
-    cells: &mut [u32; BLOCK],
-    terms: &mut [u32; BLOCK],
-) {
+fn sort(places: &Places, cells: &mut [u32; BLOCK]) {
     for i in 0..BLOCK {
-        let counts = (radius[i] < FARTHEST_PX) & (values[i] < MOST);
-        let far = if counts { radius[i] } else { FARTHEST_PX };
+        let radius = places.radius[i];
+        let far = if radius < FARTHEST_PX { radius } else { FARTHEST_PX };
         let ring = (far * PER_PX + TO_BITS).to_bits() & 0x1ff;
-        let left = if x[i] < 0.0 { 1 } else { 0 };
-        let above = if y[i] < 0.0 { 2 } else { 0 };
+        let left = if places.x[i] < 0.0 { 1 } else { 0 };
+        let above = if places.y[i] < 0.0 { 2 } else { 0 };
         cells[i] = (left | above) * RINGS as u32 + ring;
-        terms[i] = ((values[i] + TO_BITS).to_bits() & 0xffff) + COUNT;
     }
 }
 
@@ -451,7 +445,9 @@ impl Kernel {
     #[inline(never)]
     fn compare(
         &self,
-        (radius, value, count): (&Column, &Column, &Column),
+        radius: &Column,
+        value: &Column,
+        count: &Column,
         (end, saturated): (f32, f32),
         terms: &mut Terms,
     ) {
@@ -466,10 +462,7 @@ impl Kernel {
             terms.rows[2][i] = by_outer;
             terms.rows[3][i] = by_inner;
             terms.rows[4][i] = width * self.per_width;
-            let count = if (radius[i] < end) & (value[i] < saturated) { count[i] } else { 0.0 };
-            for k in 0..EVEN {
-                terms.counted[k][i] = terms.rows[k][i] * count;
-            }
+            terms.count[i] = if (radius[i] < end) & (value[i] < saturated) { count[i] } else { 0.0 };
             terms.residual[i] = value[i] - (self.white - self.contrast * covered);
         }
     }
@@ -495,7 +488,7 @@ fn add_products(terms: &Terms, sums: &mut [Lanes; EVEN_SUMS]) {
         let at = |column: &Column| Lanes::load(column, i);
         let mut next = 0;
         for k in 0..EVEN {
-            let counted = at(&terms.counted[k]);
+            let counted = at(&terms.rows[k]) * at(&terms.count);
             for j in k..EVEN {
                 sums[next] += counted * at(&terms.rows[j]);
                 next += 1;
