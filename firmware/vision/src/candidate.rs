@@ -5,6 +5,7 @@ use core::f64::consts::PI;
 
 use crate::bits::Bits;
 use crate::components::{Components, Part};
+use crate::window::Window;
 use crate::{Refusal, Search, Settings};
 
 /// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels has
@@ -17,10 +18,10 @@ const SHAPE_TOLERANCE: f64 = 0.25;
 /// Largest stretch of a cut ring's visible part over the predicted one.
 const EVIDENCE_STRETCH: f64 = 1.2;
 
-/// A dark and a bright component that are a ring.
+/// A dark and a bright component that are a ring, in samples of the window or in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Candidate {
-    /// Centroid of the filled ring in the window, px.
+    /// Centroid of the filled ring, px.
     pub(crate) centre: [f64; 2],
     /// Second central moments (uu, uv, vv) of the filled ring, px^2.
     pub(crate) shape: [f64; 3],
@@ -30,26 +31,40 @@ pub(crate) struct Candidate {
     pub(crate) inner: f64,
 }
 
+impl Candidate {
+    /// One in samples of `window` as one in the picture.
+    pub(crate) fn in_picture(&self, window: &Window) -> Self {
+        let every = window.every as f64;
+        Self {
+            centre: window.in_picture(self.centre),
+            shape: self.shape.map(|moment| moment * every * every),
+            outer: self.outer * every,
+            inner: self.inner * every,
+        }
+    }
+}
+
 /// What a window without a whole ring still tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Miss {
     pub(crate) refusal: Refusal,
-    /// Where in the window the centre of a ring lies that the window's edge cuts, px.
+    /// Where the centre of a ring lies that the window's edge cuts, px.
     pub(crate) cut_at: Option<[f64; 2]>,
 }
 
-/// The candidate nearest to `predicted` (in the window), or why there is none.
+/// The candidate nearest to the predicted centre, or why there is none. All is in samples of the window, the largest
+/// distance between centroids as well.
 pub(crate) fn find(
     components: &mut Components,
     bits: &Bits,
     search: &Search,
-    predicted: [f64; 2],
+    max_centroid_distance: f64,
     settings: &Settings,
 ) -> Result<Candidate, Miss> {
     let size = [bits.width(), bits.height()];
-    let expected = Expected { search, settings, size };
+    let expected = Expected { search, settings, max_centroid_distance, size };
     // Rings do not overlap: the one that has the predicted centre in its hole is the nearest.
-    if let Some((hole, dark)) = components.ring_at(bits, predicted)
+    if let Some((hole, dark)) = components.ring_at(bits, search.at)
         && let Ok(candidate) = expected.ring(&hole, &dark)
     {
         return Ok(candidate);
@@ -61,7 +76,7 @@ pub(crate) fn find(
     while let Ok(Some((hole, dark))) = components.next_ring(bits, expected.least_hole()) {
         match expected.ring(&hole, &dark) {
             Ok(candidate) => {
-                let off = distance(candidate.centre, predicted);
+                let off = distance(candidate.centre, search.at);
                 if best.is_none_or(|(least, _)| off < least) {
                     best = Some((off, candidate));
                 }
@@ -86,6 +101,7 @@ pub(crate) fn find(
 struct Expected<'a> {
     search: &'a Search,
     settings: &'a Settings,
+    max_centroid_distance: f64,
     /// Width and height of the window.
     size: [usize; 2],
 }
@@ -110,7 +126,7 @@ impl Expected<'_> {
     fn ring(&self, hole: &Part, dark: &Part) -> Result<Candidate, Refusal> {
         if !dark.encloses(hole)
             || dark.touches_edge(self.size)
-            || distance(dark.centroid(), hole.centroid()) > self.settings.max_centroid_distance_px
+            || distance(dark.centroid(), hole.centroid()) > self.max_centroid_distance
         {
             return Err(Refusal::NotFound);
         }

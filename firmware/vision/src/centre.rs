@@ -30,7 +30,7 @@ const FITTED: f64 = 2.5;
 const NO_LONGER_WHITE: f64 = 0.02;
 
 /// Rows through a ring that make its profile; of a small ring it is every second one.
-const PROFILE_ROWS: f64 = 12.0;
+const PROFILE_ROWS: f64 = 8.0;
 
 /// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.
 const CLIPPED: f64 = 0.01;
@@ -80,17 +80,16 @@ impl Workspace {
     }
 }
 
-/// Fits the ring that `candidate` (in the window at `window`) shows roughly, from the window's dark and bright level.
+/// Fits the ring that `candidate` (in the picture) shows roughly, from the window's dark and bright level.
 pub(crate) fn measure(
     frame: &Frame,
     workspace: &mut Workspace,
-    window: Rect,
     candidate: &Candidate,
     levels: (f64, f64),
     search: &Search,
     settings: &Settings,
 ) -> Result<(Ring, Light), Refusal> {
-    let (rect, mut model) = rough(frame, window, candidate, levels, search)?;
+    let (rect, mut model) = rough(frame, candidate, levels, search)?;
     let full = f64::from(full_scale(frame));
     let start = start(frame, workspace, rect, &mut model, full)?;
     let radial = model.radial;
@@ -137,12 +136,11 @@ pub(crate) fn measure(
 /// The model by what the binary window says, and the part of the picture that it needs.
 fn rough(
     frame: &Frame,
-    window: Rect,
     candidate: &Candidate,
     (dark, bright): (f64, f64),
     search: &Search,
 ) -> Result<(Rect, Model), Refusal> {
-    let centre = [candidate.centre[0] + f64::from(window.x), candidate.centre[1] + f64::from(window.y)];
+    let centre = candidate.centre;
     // Half the ellipse's extent is twice the standard deviation of its filled area.
     let half = [0, 2].map(|i| 2.0 * libm::sqrt(candidate.shape[i].max(0.0)) + MARGIN + 0.5);
     let low = [centre[0] - half[0], centre[1] - half[1]];
@@ -281,6 +279,8 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
         noise,
         cosine,
         sine,
+        outer_even,
+        inner_even,
         slope_x,
         slope_y,
         cross,
@@ -308,6 +308,7 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
         [0, 1].map(|i| slope_side[i] + lean.white_information * (lean.white_slope[i] - model.slope[i]));
     let step = [0, 1].map(|i| (slope_information * side[i] - cross * slope_side[i]) / determinant);
     let slope = [0, 1].map(|i| (information * slope_side[i] - cross * side[i]) / determinant);
+    let moved = per_px * per_px * (step[0] * step[0] + step[1] * step[1]);
     let step = model.out_of_circle(step);
     let share = radial.outer_share();
     let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
@@ -315,9 +316,12 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
     // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black. The
     // fit follows the noise of two in as many pixels as carry the information.
     let carrying = TAU * (radial.outer + radial.inner) * radial.half_width() * (SQUARE * SQUARE / FOURTH);
-    let residual = noise / square / (1.0 - 2.0 / carrying.max(8.0));
+    // The step takes a part of the residuals away; what is even about the centre is the radii's error and no noise.
+    let even = outer_even * outer_even / share + inner_even * inner_even / (1.0 - share);
+    let taken = 0.5 * moved + even / (square * square);
+    let residual = (noise / square - taken * (FOURTH / SQUARE)).max(0.0) / (1.0 - 4.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
-    let variance = lean.misfit.noise(residual).max(1.0 / 12.0);
+    let variance = residual.max(1.0 / 12.0);
     let circle = variance / information;
     model.slope = [model.slope[0] + slope[0], model.slope[1] + slope[1]];
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];

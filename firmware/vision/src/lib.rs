@@ -29,6 +29,7 @@ mod settings;
 mod synthetic;
 mod threshold;
 mod tracker;
+mod window;
 
 pub use acquire::{Acquisition, MAX_SIGHTINGS};
 pub use refusal::Refusal;

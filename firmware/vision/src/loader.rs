@@ -62,13 +62,20 @@ impl Plane {
         self.rows.get(..self.height).unwrap_or_default()
     }
 
-    /// Takes the top 8 bits of `rect`.
-    pub(crate) fn load(&mut self, frame: &Frame, rect: Rect) {
-        self.width = rect.width.min(MAX_SIDE);
-        self.height = rect.height.min(MAX_SIDE);
-        for (row, y) in self.rows.iter_mut().take(self.height).zip(rect.y..) {
-            let Some(into) = row.get_mut(..self.width) else { continue };
-            top_bits(frame, rect.x, y, into);
+    /// Takes the top 8 bits of every `every`th sample of `rect`, either way.
+    pub(crate) fn load(&mut self, frame: &Frame, rect: Rect, every: usize) {
+        let every = every.max(1);
+        self.width = rect.width.div_ceil(every).min(MAX_SIDE);
+        self.height = rect.height.div_ceil(every).min(MAX_SIDE);
+        for (row, y) in self.rows.iter_mut().take(self.height).zip((rect.y..).step_by(every)) {
+            let bytes = match frame.layout() {
+                Layout::GREY => frame.row(y).and_then(|bytes| bytes.get(usize::from(rect.x)..)),
+                _ => None,
+            };
+            let is_taken = bytes.is_some_and(|bytes| thin(bytes, every, self.width, row));
+            if !is_taken && let Some(into) = row.get_mut(..self.width) {
+                top_bits(frame, (rect.x, y), every, into);
+            }
         }
     }
 
@@ -90,20 +97,47 @@ impl Plane {
     }
 }
 
-/// Takes the top 8 bits of row `y` from column `x` on, as many samples as `into` has.
+/// Takes the top 8 bits of every `every`th sample of row `y` from column `x` on, as many as `into` has.
 #[inline]
-fn top_bits(frame: &Frame, x: u16, y: u16, into: &mut [u8]) {
-    match samples(frame, x, y, into.len()) {
-        Samples::Byte(bytes) => into.copy_from_slice(bytes),
+fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
+    match samples(frame, x, y, every * (into.len().max(1) - 1) + 1) {
+        Samples::Byte(bytes) => {
+            into.iter_mut().zip(bytes.iter().step_by(every)).for_each(|(to, from)| *to = *from)
+        }
         Samples::Spread(bytes, step) => {
-            into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = *from)
+            into.iter_mut().zip(bytes.iter().step_by(every * step)).for_each(|(to, from)| *to = *from)
         }
         Samples::Word(bytes, bits) => {
-            for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2)) {
+            for (to, from) in into.iter_mut().zip(bytes.chunks_exact(2).step_by(every)) {
                 *to = top_of_word([from[0], from[1]], bits);
             }
         }
         Samples::None => into.fill(0),
+    }
+}
+
+/// The first `width` of every `every`th of some bytes, in whole chunks; whether there are as many.
+#[inline(always)]
+fn thin(bytes: &[u8], every: usize, width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
+    let chunks = into.as_chunks_mut::<CHUNK>().0.iter_mut().take(width.div_ceil(CHUNK));
+    let mut from = bytes;
+    for to in chunks {
+        let Some((first, rest)) = from.split_at_checked(every * CHUNK) else { return false };
+        match (first.first_chunk::<CHUNK>(), first.first_chunk::<{ 2 * CHUNK }>()) {
+            (Some(bytes), _) if every == 1 => *to = *bytes,
+            (_, Some(bytes)) if every == 2 => halve(bytes, to),
+            _ => return false,
+        }
+        from = rest;
+    }
+    true
+}
+
+/// Takes the first of each two bytes. Not inlined, and as the low half of a word: so the compiler packs whole vectors.
+#[inline(never)]
+fn halve(bytes: &[u8; 2 * CHUNK], into: &mut [u8; CHUNK]) {
+    for (to, pair) in into.iter_mut().zip(bytes.as_chunks::<2>().0) {
+        *to = u16::from_le_bytes(*pair) as u8;
     }
 }
 
@@ -166,7 +200,7 @@ impl<'a> Row<'a> {
 
 /// Takes the top 8 bits of row `y` from its first column on, as many samples as `into` has.
 pub(crate) fn load_top(frame: &Frame, y: u16, into: &mut [u8]) {
-    top_bits(frame, 0, y, into);
+    top_bits(frame, (0, y), 1, into);
 }
 
 /// The top 8 bits of one sample; `None` outside the picture.

@@ -10,7 +10,7 @@ use crate::loader::{CHUNK, Rect, Row};
 const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + BLOCK;
 
 /// A gap in a row that is narrower, px, costs less than two spans.
-const WORTHWHILE_PX: f64 = 6.0;
+const WORTHWHILE_PX: f64 = 3.0;
 
 /// Columns of a chunk's pixels from its first one.
 const COLUMNS: [u8; CHUNK] = {

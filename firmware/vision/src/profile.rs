@@ -89,25 +89,6 @@ pub(crate) struct Lean {
     /// its variance for noise of variance 1.
     pub(crate) white_slope: [f64; 2],
     pub(crate) white_information: f64,
-    pub(crate) misfit: Misfit,
-}
-
-/// How far the profile is from the fitted one at the edges. What all pixels of one radius have in common is the model's
-/// fault and no noise: it is even about the centre and does not move it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Misfit {
-    /// Mean square distance.
-    square: f64,
-    /// What noise adds to it, share of the noise's own mean square.
-    noise_share: f64,
-}
-
-impl Misfit {
-    /// The variance of the noise alone in a mean square residual.
-    pub(crate) fn noise(&self, square: f64) -> f64 {
-        // At least a tenth of it: nothing is without noise.
-        ((square - self.square) / (1.0 - self.noise_share)).max(0.1 * square)
-    }
 }
 
 /// The profile with its working memory.
@@ -250,28 +231,7 @@ impl Profile {
             step: [0, 1].map(|i| (steep[i] - cross * white_slope[i]) / (square * per_px)),
             white_slope,
             white_information: white_square,
-            misfit: self.misfit(&kernel),
         }
-    }
-
-    /// How far the bins at the edges are from the profile.
-    fn misfit(&self, kernel: &Kernel) -> Misfit {
-        let mut sums = [Lanes::ZERO; 4];
-        let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
-        for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
-            let zero = [0.0; BLOCK];
-            let (mut weight, mut off) = (zero, zero);
-            kernel.weigh((radius, value, count), &mut weight, &mut off);
-            add_misfit(count, &weight, &off, &mut sums);
-        }
-        let [misfit, weights, bins, squares] = sums.map(Lanes::sum);
-        // A cell's pixels are not all at its radius: to the mean of a bin that adds like noise.
-        let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
-        let mixed = per_px * per_px / (12.0 * f64::from(PER_PX * PER_PX));
-        // As many bins as carry the weights, less the unknowns that were fitted to them.
-        let carrying = bins * bins / squares;
-        let free = (1.0 - EVEN as f64 / carrying).max(0.0);
-        Misfit { square: ((misfit - mixed * squares) / weights).max(0.0), noise_share: free * bins / weights }
     }
 
     /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a post makes a
@@ -423,24 +383,6 @@ impl Kernel {
         }
     }
 
-    /// How much bins count for the centre, and how far they are from the profile.
-    #[inline(never)]
-    fn weigh(
-        &self,
-        (radius, value, count): (&Column, &Column, &Column),
-        weight: &mut Column,
-        off: &mut Column,
-    ) {
-        for i in 0..BLOCK {
-            let (outer, inner, covered) = self.at(radius[i]);
-            let steep = outer - inner;
-            // Counts are whole numbers.
-            let counts = if count[i] < 1.0 { count[i] } else { 1.0 };
-            weight[i] = steep * steep * counts;
-            off[i] = value[i] - (self.white - self.contrast * covered);
-        }
-    }
-
     /// Not inlined: so the compiler makes one loop over whole vectors of it.
     #[inline(never)]
     fn compare(
@@ -465,19 +407,6 @@ impl Kernel {
             terms.count[i] = if (radius[i] < end) & (value[i] < saturated) { count[i] } else { 0.0 };
             terms.residual[i] = value[i] - (self.white - self.contrast * covered);
         }
-    }
-}
-
-#[inline(never)]
-fn add_misfit(count: &Column, weight: &Column, off: &Column, sums: &mut [Lanes; 4]) {
-    for i in 0..RUNS {
-        let at = |column: &Column| Lanes::load(column, i);
-        let (weight, off) = (at(weight), at(off));
-        let counted = at(count) * weight;
-        sums[0] += counted * off * off;
-        sums[1] += counted;
-        sums[2] += weight;
-        sums[3] += weight * weight;
     }
 }
 

@@ -11,11 +11,12 @@ use crate::centre::{self, Workspace};
 use crate::components::Components;
 use crate::light::{self, Light};
 use crate::loader::{Plane, Rect, full_scale};
+use crate::window::Window;
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 use crate::{consensus, threshold};
 
-/// Rings thinner than this are not opened, px: the disk of three pixels would break them.
-const MIN_OPENED_PX: f64 = 4.0;
+/// Rings thinner than this are not opened, samples: the disk of three would break what a post leaves of them.
+const MIN_OPENED: f64 = 6.0;
 
 /// A window moved by less than this share of a diameter shows the same.
 const NEW_WINDOW: f64 = 0.1;
@@ -144,15 +145,16 @@ impl Tracker {
         let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);
         let half = 0.5 * (side - 1.0);
         let (low, high) = ([at[0] - half, at[1] - half], [at[0] + half, at[1] + half]);
-        let window = Rect::clipped(frame, low, high).ok_or(refused(Refusal::OutsidePicture))?;
-        if (window.width.min(window.height) as f64) < diameter {
+        let rect = Rect::clipped(frame, low, high).ok_or(refused(Refusal::OutsidePicture))?;
+        if (rect.width.min(rect.height) as f64) < diameter {
             return Err(refused(Refusal::OutsidePicture));
         }
+        let window = Window::of(rect, diameter);
 
-        self.plane.load(frame, window);
+        self.plane.load(frame, rect, window.every);
         let filled = PI * diameter * diameter / 4.0;
         let ring = filled * (1.0 - 1.0 / (search.ratio * search.ratio));
-        let levels = threshold::levels(&self.plane, ring / (window.width * window.height) as f64);
+        let levels = threshold::levels(&self.plane, ring / (rect.width * rect.height) as f64);
         if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
             return Err(refused(Refusal::LowContrast));
         }
@@ -160,23 +162,25 @@ impl Tracker {
         if self.settings.median {
             self.bits.median();
         }
-        if self.settings.opening && 0.5 * diameter * (1.0 - 1.0 / search.ratio) >= MIN_OPENED_PX {
+        let thickness = window.scaled(0.5 * diameter * (1.0 - 1.0 / search.ratio));
+        if self.settings.opening && thickness >= MIN_OPENED {
             self.bits.open();
         }
 
-        let origin = [f64::from(window.x), f64::from(window.y)];
-        let predicted = [at[0] - origin[0], at[1] - origin[1]];
-        let candidate = candidate::find(&mut self.components, &self.bits, search, predicted, &self.settings)
+        let most = window.scaled(self.settings.max_centroid_distance_px);
+        let sampled = window.search(search, at);
+        let candidate = candidate::find(&mut self.components, &self.bits, &sampled, most, &self.settings)
             .map_err(|miss| {
-                let cut_at = miss.cut_at.map(|cut| [cut[0] + origin[0], cut[1] + origin[1]]);
+                let cut_at = miss.cut_at.map(|cut| window.in_picture(cut));
                 match cut_at {
                     Some(cut) if leaves(frame, search, cut) => refused(Refusal::CutByPicture),
                     _ => Miss { cut_at, ..miss },
                 }
-            })?;
+            })?
+            .in_picture(&window);
         let scale = f64::from(full_scale(frame)) / 255.0;
         let levels = (levels.dark * scale, levels.bright * scale);
-        centre::measure(frame, &mut self.workspace, window, &candidate, levels, search, &self.settings)
+        centre::measure(frame, &mut self.workspace, &candidate, levels, search, &self.settings)
             .map_err(refused)
     }
 }

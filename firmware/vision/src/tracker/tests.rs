@@ -166,7 +166,7 @@ fn refusals_say_why() {
     assert_eq!(look(&disc, Layout::GREY, &search), Err(Refusal::NotFound));
     // A bite out of the outer edge that leaves the ring closed.
     let mut bitten = one_ring([85.0, 85.0], 36.0);
-    bitten.cover(0.8, |x, y| (x - 85.0).hypot(y - 68.0) < 6.0);
+    bitten.cover(0.8, |x, y| (x - 85.0).hypot(y - 67.0) < 5.0);
     assert_eq!(look(&bitten, Layout::GREY, &search), Err(Refusal::Outline));
     // White so far beyond full scale that little is left of the edges.
     let mut bright = whole;
