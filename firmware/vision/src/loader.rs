@@ -116,19 +116,18 @@ fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
     }
 }
 
-/// The first `width` of every `every`th of some bytes, in whole chunks; whether there are as many.
+/// Takes the first `width` of every `every`th of some bytes, in whole chunks; whether there are as many.
 #[inline(always)]
 fn thin(bytes: &[u8], every: usize, width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
-    let chunks = into.as_chunks_mut::<CHUNK>().0.iter_mut().take(width.div_ceil(CHUNK));
-    let mut from = bytes;
-    for to in chunks {
-        let Some((first, rest)) = from.split_at_checked(every * CHUNK) else { return false };
-        match (first.first_chunk::<CHUNK>(), first.first_chunk::<{ 2 * CHUNK }>()) {
-            (Some(bytes), _) if every == 1 => *to = *bytes,
-            (_, Some(bytes)) if every == 2 => halve(bytes, to),
-            _ => return false,
+    let size = width.next_multiple_of(CHUNK);
+    let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..every * size)) else { return false };
+    match every {
+        1 => into.copy_from_slice(bytes),
+        2 => {
+            let chunks = into.as_chunks_mut().0.iter_mut().zip(bytes.as_chunks().0);
+            chunks.for_each(|(to, from)| halve(from, to));
         }
-        from = rest;
+        _ => return false,
     }
     true
 }

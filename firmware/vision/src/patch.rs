@@ -6,7 +6,7 @@ use crate::MAX_SIDE;
 use crate::lanes::BLOCK;
 use crate::loader::{CHUNK, Rect, Row};
 
-/// A whole window, and what the last span and block are filled up with.
+/// A whole window, and what the last span writes beyond it.
 const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + BLOCK;
 
 /// A gap in a row that is narrower, px, costs less than two spans.
@@ -22,10 +22,6 @@ const COLUMNS: [u8; CHUNK] = {
     }
     columns
 };
-
-/// Column and row of what fills up the last block: far from every ring, which lies wholly within the patch.
-const FILL: u8 = u8::MAX;
-const _: () = assert!(MAX_SIDE + 63 <= FILL as usize && BLOCK.is_multiple_of(CHUNK));
 
 /// Pixels of a part of the picture.
 pub(crate) struct Patch {
@@ -119,10 +115,6 @@ impl Patch {
                 self.take_span(&line, middle - end, middle + end);
             }
         }
-        let end = self.count.next_multiple_of(BLOCK);
-        for places in [&mut self.x, &mut self.y] {
-            places.get_mut(self.count..end).unwrap_or_default().fill(FILL);
-        }
     }
 
     /// Takes the pixels of a row from `from` to `to` on either side of `middle`, and those between where they are few.
@@ -158,11 +150,12 @@ impl Patch {
         self.count += end.saturating_sub(start);
     }
 
-    /// What was taken.
-    pub(crate) fn blocks(&self) -> impl Iterator<Item = Block<'_>> {
+    /// What was taken, and how many pixels of each block; the others of the last one mean nothing.
+    pub(crate) fn blocks(&self) -> impl Iterator<Item = (Block<'_>, usize)> {
         let places = self.x.as_chunks().0.iter().zip(self.y.as_chunks().0);
         let blocks = places.zip(self.values.as_chunks().0).map(|((x, y), values)| (x, y, values));
-        blocks.take(self.count.div_ceil(BLOCK))
+        let counts = (0..self.count).step_by(BLOCK).map(|first| (self.count - first).min(BLOCK));
+        blocks.zip(counts)
     }
 }
 

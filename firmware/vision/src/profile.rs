@@ -1,7 +1,8 @@
 //! The ring's radial profile: what pixels of one radius have in common tells its levels, radii and blur, and how they
 //! differ from one side to the other its centre and the light's slope, roughly.
 //!
-//! Pixels are sorted by radius, a quarter of a pixel a cell, and by quadrant of their direction.
+//! Pixels are sorted by radius, half a pixel a cell, and by quadrant of their direction; a cell knows the mean radius
+//! and value of its own.
 
 use crate::edge::{HALF_WIDTH, PEAK, edge};
 use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
@@ -12,9 +13,10 @@ const QUADRANTS: usize = 4;
 /// Mean of a direction's coordinate over a quadrant.
 const SIDE: f64 = core::f64::consts::FRAC_2_PI;
 
-/// Rings of cells and those of 1 px.
-const RINGS: usize = 512;
-const PER_PX: f32 = 4.0;
+/// Rings of cells, those of 1 px, and the parts of one in which radii are counted.
+const RINGS: usize = 256;
+const PER_PX: f32 = 2.0;
+const PARTS: u32 = 64;
 
 /// Cells, those of a quadrant together.
 const CELLS: usize = QUADRANTS * RINGS;
@@ -22,14 +24,12 @@ const CELLS: usize = QUADRANTS * RINGS;
 /// Radii beyond this are taken for it, px: no ring in a window is as large.
 const FARTHEST_PX: f32 = 120.0;
 
-/// Bins of the profile, of two rings of cells each.
-const BINS: usize = RINGS / 2;
+/// A cell counts its pixels in the upper 16 bits, sums the parts of their radii in the next 16 and their values in the
+/// lower 32. At the largest radius a ring has 400 pixels, so even four quadrants together do not overflow.
+const UPPER: u32 = 32;
+const COUNT: u32 = 1 << 16;
 
-/// A cell counts pixels in its upper 8 bits and sums their values in the lower 24: a quadrant at the largest radius
-/// has 48 pixels a ring, of 16 bits each.
-const COUNT: u32 = 1 << 24;
-
-/// Adding this to a float of less leaves the rounded number in its last 16 bits.
+/// Adding this to a float of less leaves the rounded number in its last bits.
 const TO_BITS: f32 = 8_388_608.0;
 
 /// Passes of Gauss-Newton; the start is within a third of a pixel and a factor of two in the blur.
@@ -93,12 +93,13 @@ pub(crate) struct Lean {
 
 /// The profile with its working memory.
 pub(crate) struct Profile {
-    cells: [u32; CELLS],
-    /// Bins in use.
+    cells: [u64; CELLS],
+    /// Rings in use.
     used: usize,
-    radius: [f32; BINS],
-    value: [f32; BINS],
-    count: [f32; BINS],
+    /// Mean radius and value of a ring's pixels, and how many they are.
+    radius: [f32; RINGS],
+    value: [f32; RINGS],
+    count: [f32; RINGS],
 }
 
 /// Where the pixels of a block are in the circle's plane, and how far from the centre, px.
@@ -108,7 +109,14 @@ pub(crate) struct Places {
     pub(crate) radius: Column,
 }
 
-/// Pixels that count, derivatives of the profile and residuals, of a block of bins.
+impl Places {
+    /// Takes pixels from number `count` on out of every profile.
+    pub(crate) fn forget_from(&mut self, count: usize) {
+        self.radius.get_mut(count..).unwrap_or_default().fill(FARTHEST_PX);
+    }
+}
+
+/// Pixels that count, derivatives of the profile and residuals, of a block of rings.
 struct Terms {
     count: Column,
     rows: [Column; EVEN],
@@ -122,60 +130,48 @@ const EVEN_SUMS: usize = EVEN * (EVEN + 1) / 2 + EVEN;
 
 impl Profile {
     pub(crate) const fn new() -> Self {
-        Self { cells: [0; CELLS], used: 0, radius: [0.0; BINS], value: [0.0; BINS], count: [0.0; BINS] }
+        Self { cells: [0; CELLS], used: 0, radius: [0.0; RINGS], value: [0.0; RINGS], count: [0.0; RINGS] }
     }
 
     /// Starts over, for pixels up to `end` px from the centre.
     pub(crate) fn clear(&mut self, end: f64) {
-        let bins = (end * f64::from(0.5 * PER_PX)) as usize + 2;
-        self.used = bins.next_multiple_of(BLOCK).min(BINS);
-        let rings = 2 * self.used;
-        self.quadrants_mut().iter_mut().for_each(|cells| cells.get_mut(..rings).unwrap_or_default().fill(0));
+        let rings = (end * f64::from(PER_PX)) as usize + 2;
+        self.used = rings.next_multiple_of(BLOCK).min(RINGS);
+        let used = self.used;
+        self.quadrants_mut().iter_mut().for_each(|cells| cells.get_mut(..used).unwrap_or_default().fill(0));
     }
 
-    fn quadrants(&self) -> &[[u32; RINGS]] {
+    fn quadrants(&self) -> &[[u64; RINGS]] {
         self.cells.as_chunks().0
     }
 
-    fn quadrants_mut(&mut self) -> &mut [[u32; RINGS]] {
+    fn quadrants_mut(&mut self) -> &mut [[u64; RINGS]] {
         self.cells.as_chunks_mut().0
     }
 
-    /// Adds pixels at these places.
+    /// Adds the pixels of a block.
     pub(crate) fn add(&mut self, places: &Places, values: &[u16; BLOCK]) {
-        let mut cells = [0; BLOCK];
-        sort(places, &mut cells);
-        for (cell, value) in cells.iter().zip(values) {
-            let sum = &mut self.cells[*cell as usize % CELLS];
-            *sum = sum.wrapping_add(COUNT + u32::from(*value));
+        let (mut cells, mut upper) = ([0; BLOCK], [0; BLOCK]);
+        sort(places, &mut cells, &mut upper);
+        for i in 0..BLOCK {
+            let sum = &mut self.cells[cells[i] as usize % CELLS];
+            *sum = sum.wrapping_add(u64::from(upper[i]) << UPPER | u64::from(values[i]));
         }
     }
 
-    /// Makes bins of the cells.
+    /// Makes the profile of the cells.
     pub(crate) fn close(&mut self) {
-        for first in (0..2 * self.used).step_by(BLOCK) {
-            let (mut counts, mut values) = ([0; BLOCK], [0; BLOCK]);
-            for cells in self.cells.as_chunks::<RINGS>().0 {
-                if let Some(cells) = block(cells, first) {
-                    add_cells(cells, &mut counts, &mut values);
-                }
-            }
-            for (i, bin) in (first / 2..).enumerate().take(BLOCK / 2) {
-                let (Some(count), Some(radius), Some(value)) =
-                    (self.count.get_mut(bin), self.radius.get_mut(bin), self.value.get_mut(bin))
-                else {
-                    return;
-                };
-                let (near, far) = (counts[2 * i] as i32 as f32, counts[2 * i + 1] as i32 as f32);
-                *count = near + far;
-                let per_count = if *count > 0.0 { 1.0 / *count } else { 0.0 };
-                *radius = (2.0 * bin as i32 as f32 + far * per_count) / PER_PX;
-                *value = (values[2 * i] + values[2 * i + 1]) as i32 as f32 * per_count;
-            }
+        for ring in 0..self.used.min(RINGS) {
+            let sum = (0..QUADRANTS).fold(0u64, |sum, k| sum.wrapping_add(self.cells[k * RINGS + ring]));
+            let (count, parts, value) = unpacked(sum);
+            let per_count = if count > 0.0 { 1.0 / count } else { 0.0 };
+            self.count[ring] = count;
+            self.radius[ring] = (ring as i32 as f32 + parts * per_count / PARTS as f32) / PER_PX;
+            self.value[ring] = value * per_count;
         }
     }
 
-    /// Fits levels, radii and blur to the bins up to `end` px that are darker than `saturated`, from a start. `None`
+    /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a start. `None`
     /// where the pixels do not determine a ring.
     pub(crate) fn fit(&self, start: &Radial, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
@@ -214,7 +210,7 @@ impl Profile {
         let kernel = Kernel::new(radial);
         let mut sums = Sides { squares: [Lanes::ZERO; 3], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
         let mut rings = Rings::new();
-        for first in (0..2 * self.used).step_by(BLOCK) {
+        for first in (0..self.used).step_by(BLOCK) {
             kernel.weigh_rings(first, (white_from, saturated), &mut rings);
             for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
                 if let Some(cells) = block(cells, first) {
@@ -235,12 +231,12 @@ impl Profile {
     }
 
     /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a post makes a
-    /// bin darker than the profile by more than `share` of the contrast. What white there is before it, less what blur
-    /// darkens unseen, stays in the cells.
+    /// ring of cells darker than the profile by more than `share` of the contrast. What white there is before it, less
+    /// what blur darkens unseen, stays in the cells.
     pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) -> f64 {
         let kernel = Kernel::new(radial);
         let most = (share * radial.contrast) as f32;
-        let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(0.5 * PER_PX)) as usize;
+        let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(PER_PX)) as usize;
         let columns = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used).skip(from);
         let mut dark = columns.map(|((radius, value), count)| {
             // Nearer to the edge the profile itself is less well known.
@@ -249,15 +245,21 @@ impl Profile {
             *count > 0.0 && kernel.white - kernel.contrast * covered - *value > most
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
-        let rings = 2 * self.used;
-        let first = 2 * (from + first);
+        let (first, used) = (from + first, self.used);
         let end = first.saturating_sub((2.0 * radial.blur * f64::from(PER_PX)) as usize);
-        self.count.get_mut(end / 2..self.used).unwrap_or_default().fill(0.0);
+        self.count.get_mut(end..used).unwrap_or_default().fill(0.0);
         for cells in self.quadrants_mut() {
-            cells.get_mut(end..rings).unwrap_or_default().fill(0);
+            cells.get_mut(end..used).unwrap_or_default().fill(0);
         }
         first as f64 / f64::from(PER_PX) - 0.5 * radial.blur
     }
+}
+
+/// Count, sum of parts and sum of values of a cell.
+#[inline(always)]
+fn unpacked(cell: u64) -> (f32, f32, f32) {
+    let upper = (cell >> UPPER) as u32;
+    ((upper / COUNT) as i32 as f32, (upper % COUNT) as i32 as f32, cell as u32 as i32 as f32)
 }
 
 /// Sums of both sides: the squares of steepness and slope (steepness, mixed, slope of the white alone), and for every
@@ -267,10 +269,11 @@ struct Sides {
     quadrants: [[Lanes; 2]; QUADRANTS],
 }
 
-/// What a block of rings of cells has in common: the model's value, its change as centre and slope change, and the
-/// latter in the white alone.
+/// What a block of rings of cells has in common: the model's value at their beginning and its change with a part, its
+/// change as centre and slope change, and the latter in the white alone.
 struct Rings {
     model: Column,
+    by_part: Column,
     steep: Column,
     slope: Column,
     white: Column,
@@ -279,33 +282,25 @@ struct Rings {
 impl Rings {
     fn new() -> Self {
         let zero = [0.0; BLOCK];
-        Self { model: zero, steep: zero, slope: zero, white: zero }
+        Self { model: zero, by_part: zero, steep: zero, slope: zero, white: zero }
     }
 }
 
 /// A block of rings of one quadrant.
-fn block(cells: &[u32; RINGS], first: usize) -> Option<&[u32; BLOCK]> {
+fn block(cells: &[u64; RINGS], first: usize) -> Option<&[u64; BLOCK]> {
     cells.get(first..)?.first_chunk()
 }
 
-/// Adds an quadrant's cells to counts and sums of values. Not inlined, as [`add_sides`] and [`sort`]: so the compiler
-/// makes one loop over whole vectors of it.
+/// Not inlined, as [`sort`]: so the compiler makes one loop over whole vectors of it.
 #[inline(never)]
-fn add_cells(cells: &[u32; BLOCK], counts: &mut [u32; BLOCK], values: &mut [u32; BLOCK]) {
-    for i in 0..BLOCK {
-        counts[i] += cells[i] / COUNT;
-        values[i] += cells[i] % COUNT;
-    }
-}
-
-#[inline(never)]
-fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 3]) {
+fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 3]) {
     for i in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, i);
-        let count = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] / COUNT) as i32 as f32));
-        let value = Lanes::of(core::array::from_fn(|lane| (cells[LANES * i + lane] % COUNT) as i32 as f32));
+        let cell: [_; LANES] = core::array::from_fn(|lane| unpacked(cells[LANES * i + lane]));
+        let (count, parts) = (Lanes::of(cell.map(|cell| cell.0)), Lanes::of(cell.map(|cell| cell.1)));
+        let value = Lanes::of(cell.map(|cell| cell.2));
         let (steep, slope, white) = (at(&rings.steep), at(&rings.slope), at(&rings.white));
-        let residual = value - count * at(&rings.model);
+        let residual = value - count * at(&rings.model) - parts * at(&rings.by_part);
         quadrant[0] += steep * residual;
         quadrant[1] += white * residual;
         let counted = steep * count;
@@ -315,16 +310,17 @@ fn add_sides(cells: &[u32; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squ
     }
 }
 
-/// The cell of every pixel.
+/// The cell of every pixel and what it adds to its upper half.
 #[inline(never)]
-fn sort(places: &Places, cells: &mut [u32; BLOCK]) {
+fn sort(places: &Places, cells: &mut [u32; BLOCK], upper: &mut [u32; BLOCK]) {
     for i in 0..BLOCK {
         let radius = places.radius[i];
         let far = if radius < FARTHEST_PX { radius } else { FARTHEST_PX };
-        let ring = (far * PER_PX + TO_BITS).to_bits() & 0x1ff;
+        let parts = (far * (PER_PX * PARTS as f32) + TO_BITS).to_bits() & (RINGS as u32 * PARTS - 1);
         let left = if places.x[i] < 0.0 { 1 } else { 0 };
         let above = if places.y[i] < 0.0 { 2 } else { 0 };
-        cells[i] = (left | above) * RINGS as u32 + ring;
+        cells[i] = (left | above) * RINGS as u32 + parts / PARTS;
+        upper[i] = COUNT + parts % PARTS;
     }
 }
 
@@ -335,7 +331,7 @@ fn sides(sums: &[f64; QUADRANTS]) -> [f64; 2] {
     [a - b + c - d, a + b - c - d].map(|sum| 0.5 / SIDE * sum)
 }
 
-/// A profile made ready for bins.
+/// A profile made ready for rings of cells.
 struct Kernel {
     outer: f32,
     inner: f32,
@@ -346,9 +342,9 @@ struct Kernel {
 
 impl Kernel {
     fn new(radial: &Radial) -> Self {
-        // A bin's own width blurs too: a uniform density of half a pixel.
-        let bin = 4.0 / (12.0 * f64::from(PER_PX * PER_PX));
-        let blur = libm::sqrt(radial.blur * radial.blur + bin);
+        // A cell's own width blurs too: a uniform density.
+        let cell = 1.0 / (12.0 * f64::from(PER_PX * PER_PX));
+        let blur = libm::sqrt(radial.blur * radial.blur + cell);
         Self {
             outer: radial.outer as f32,
             inner: radial.inner as f32,
@@ -371,12 +367,16 @@ impl Kernel {
     fn weigh_rings(&self, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
         let (depth, white_from, saturated) =
             (self.contrast / self.white, white_from as f32, saturated as f32);
+        let per_part = self.contrast * PEAK as f32 * self.per_width / (PER_PX * PARTS as f32);
         for i in 0..BLOCK {
-            let radius = (first + i) as i32 as f32 / PER_PX;
+            // The middle of the cells.
+            let radius = ((first + i) as i32 as f32 + 0.5) / PER_PX;
             let (outer, inner, covered) = self.at(radius);
             let model = self.white - self.contrast * covered;
+            let by_part = per_part * (outer - inner);
             let counts = if model < saturated { 1.0 } else { 0.0 };
-            rings.model[i] = model;
+            rings.model[i] = model - 0.5 * PARTS as f32 * by_part;
+            rings.by_part[i] = by_part;
             rings.steep[i] = (inner - outer) * counts;
             rings.slope[i] = radius * (1.0 - depth * covered) * counts;
             rings.white[i] = if radius > white_from { rings.slope[i] } else { 0.0 };

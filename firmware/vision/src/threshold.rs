@@ -7,7 +7,7 @@ use crate::loader::Plane;
 const BRIGHT_SHARE: f64 = 0.2;
 
 /// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples.
-const SAMPLED_ROWS: usize = 14;
+const SAMPLED_ROWS: usize = 10;
 
 /// The two levels of a window, 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq)]
