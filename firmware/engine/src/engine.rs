@@ -2,7 +2,8 @@
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
 use gangway_pose::{
-    MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, solve_in_motion,
+    MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, VarianceComponent,
+    solve_in_motion,
 };
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
@@ -79,6 +80,7 @@ pub struct Engine {
     ambiguous: bool,
     /// The last poses by the time of their frames.
     track: Track,
+    variance: VarianceComponent,
     time_ns: u64,
     searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
@@ -114,6 +116,7 @@ impl Engine {
             plane: PlaneHistory::default(),
             ambiguous: false,
             track: Track::default(),
+            variance: VarianceComponent::default(),
             time_ns: 0,
             searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
@@ -305,7 +308,8 @@ impl Engine {
         for (i, (circle, outcome)) in self.settings.circles.iter().zip(&self.outcomes).enumerate() {
             if let Ok(ring) = outcome {
                 // At most as many as circles, and all are bounded by MAX_CIRCLES.
-                let _ = observations.push(Observation { point: circle.point, centre: ring.centre });
+                let centre = self.variance.with(ring.centre);
+                let _ = observations.push(Observation { point: circle.point, centre });
                 let _ = seen.push(i);
             }
         }
@@ -340,6 +344,7 @@ impl Engine {
         };
         self.choose_side(frame.number(), &mut found);
         if let Ok(pose) = found.map(|solution| solution.pose) {
+            self.learn_variance(&found);
             self.predictor.update(frame.number(), pose);
             self.track.follow(frame.time_ns(), &pose);
             if used(&found) > used(&solution) {
@@ -349,6 +354,14 @@ impl Engine {
         }
         self.keeper.note(found.ok().map(|_| used(&found)), self.in_picture());
         found
+    }
+
+    /// How far the rings in the pose scatter beyond their pixels' noise.
+    fn learn_variance(&mut self, found: &Result<Solution, PoseError>) {
+        let Ok(solution) = found else { return };
+        let seen = self.outcomes.iter().enumerate().filter(|(i, _)| solution.used >> i & 1 == 1);
+        let covariances = seen.filter_map(|(_, outcome)| Some(outcome.ok()?.centre.covariance));
+        self.variance.learn(solution.residual_px, covariances);
     }
 
     /// The better of `first` and of what the windows of a pose show.

@@ -39,6 +39,7 @@ mod settings;
 mod shutter;
 mod sighting;
 mod solve;
+mod variance;
 
 pub use ambiguity::{Alternative, DECISIVE};
 pub use assign::{Assigned, Assigner, Progress, Unassigned, View};
@@ -53,6 +54,7 @@ pub use settings::{Method, Settings};
 pub use shutter::{Shutter, Track, solve_in_motion};
 pub use sighting::Sighting;
 pub use solve::{Solution, solve};
+pub use variance::VarianceComponent;
 
 /// Most circles that one setup may have, over all its targets.
 pub const MAX_CIRCLES: usize = 64;
