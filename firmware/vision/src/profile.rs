@@ -33,10 +33,10 @@ const COUNT: u32 = 1 << 16;
 const TO_BITS: f32 = 8_388_608.0;
 
 /// Passes of Gauss-Newton; the start is within a third of a pixel and a factor of two in the blur.
-const PASSES: usize = 3;
+const PASSES: usize = 5;
 
 /// A pass with steps below this, px, is the last: the next one's would be of their square.
-const SMALL_STEP_PX: f64 = 0.25;
+const SMALL_STEP_PX: f64 = 0.15;
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
