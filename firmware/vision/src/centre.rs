@@ -37,6 +37,8 @@ const CLIPPED: f64 = 0.01;
 /// Of a ring under clipped white, what is brighter than this short of full scale is left out; and where its white is
 /// looked for from, share of full scale.
 const NEARLY_CLIPPED: f64 = 0.03;
+/// The same of a cell of the profile: its pixels differ by a tenth of the contrast from its mean.
+const CELL_NEARLY_CLIPPED: f64 = 0.12;
 const CLIPPED_WHITE: f64 = 1.2;
 /// Black above this share of full scale under saturated white: too little of the edges is left.
 const MAX_BLACK: f64 = 0.5;
@@ -80,16 +82,15 @@ impl Workspace {
     }
 }
 
-/// Fits the ring that `candidate` (in the picture) shows roughly, from the window's dark and bright level.
+/// Fits the ring that `candidate` (in the picture) shows roughly.
 pub(crate) fn measure(
     frame: &Frame,
     workspace: &mut Workspace,
     candidate: &Candidate,
-    levels: (f64, f64),
     search: &Search,
     settings: &Settings,
 ) -> Result<(Ring, Light), Refusal> {
-    let (rect, mut model) = rough(frame, candidate, levels, search)?;
+    let (rect, mut model) = rough(frame, candidate, search)?;
     let full = f64::from(full_scale(frame));
     let start = start(frame, workspace, rect, &mut model, full)?;
     let radial = model.radial;
@@ -134,12 +135,7 @@ pub(crate) fn measure(
 }
 
 /// The model by what the binary window says, and the part of the picture that it needs.
-fn rough(
-    frame: &Frame,
-    candidate: &Candidate,
-    (dark, bright): (f64, f64),
-    search: &Search,
-) -> Result<(Rect, Model), Refusal> {
+fn rough(frame: &Frame, candidate: &Candidate, search: &Search) -> Result<(Rect, Model), Refusal> {
     let centre = candidate.centre;
     // Half the ellipse's extent is twice the standard deviation of its filled area.
     let half = [0, 2].map(|i| 2.0 * libm::sqrt(candidate.shape[i].max(0.0)) + MARGIN + 0.5);
@@ -154,8 +150,9 @@ fn rough(
     let [uu, uv, vv] = if search.confident { search.shape } else { candidate.shape };
     let root = libm::sqrt(uu * vv - uv * uv);
     let radial = Radial {
-        white: bright,
-        contrast: bright - dark,
+        // The profile will tell the levels.
+        white: 1.0,
+        contrast: 0.0,
         outer: candidate.outer,
         inner: candidate.inner,
         blur: FIRST_BLUR,
@@ -193,21 +190,23 @@ fn start(
     profile.clear(end);
     Kernel::new(model, patch.origin(), f64::INFINITY).collect(patch, profile);
     profile.close();
-    // A fifth of the window is as bright as this: its white is clipped.
-    let clipped = model.radial.white > (1.0 - CLIPPED) * full;
-    let saturated = if clipped { (1.0 - NEARLY_CLIPPED) * full } else { f64::INFINITY };
+    let (black, white) = profile.extremes(model.radial.outer + FITTED).ok_or(Refusal::Outline)?;
+    (model.radial.white, model.radial.contrast) = (white, white - black);
+    let clipped = white > (1.0 - CLIPPED) * full;
+    let up_to = |short: f64| if clipped { (1.0 - short) * full } else { f64::INFINITY };
+    let (saturated, cell_saturated) = (up_to(NEARLY_CLIPPED), up_to(CELL_NEARLY_CLIPPED));
     if clipped {
-        if model.radial.white - model.radial.contrast > MAX_BLACK * full {
+        if black > MAX_BLACK * full {
             return Err(Refusal::Saturated);
         }
-        model.radial.contrast += CLIPPED_WHITE * full - model.radial.white;
         model.radial.white = CLIPPED_WHITE * full;
+        model.radial.contrast = model.radial.white - black;
     }
     model.radial =
-        profile.fit(&model.radial, model.radial.outer + FITTED, saturated).ok_or(Refusal::Outline)?;
+        profile.fit(&model.radial, model.radial.outer + FITTED, cell_saturated).ok_or(Refusal::Outline)?;
     let white_end = profile.end_at_dark(&model.radial, NO_LONGER_WHITE);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
-    let lean = profile.lean(&model.radial, white_from, saturated);
+    let lean = profile.lean(&model.radial, white_from, cell_saturated);
     // Written so that a NaN is refused too.
     if !(libm::hypot(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);

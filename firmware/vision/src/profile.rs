@@ -32,11 +32,14 @@ const COUNT: u32 = 1 << 16;
 /// Adding this to a float of less leaves the rounded number in its last bits.
 const TO_BITS: f32 = 8_388_608.0;
 
-/// Passes of Gauss-Newton; the start is within a third of a pixel and a factor of two in the blur.
-const PASSES: usize = 5;
+/// Pixels of a ring whose mean is a level.
+const ENOUGH: f32 = 4.0;
 
-/// A pass with steps below this, px, is the last: the next one's would be of their square.
-const SMALL_STEP_PX: f64 = 0.15;
+/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and the step, px,
+/// below which one is the last: the next one's would be of its square. Under clipped white the level, radii and blur
+/// follow from what is left of the edges, and slowly.
+const WHOLE: (usize, f64) = (5, 0.15);
+const CLIPPED: (usize, f64) = (12, 0.01);
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
@@ -171,13 +174,27 @@ impl Profile {
         }
     }
 
+    /// The darkest and the brightest ring up to `end` px; `None` where there are none of enough pixels.
+    pub(crate) fn extremes(&self, end: f64) -> Option<(f64, f64)> {
+        let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
+        let rings = (end * f64::from(PER_PX)) as usize;
+        for (value, count) in self.value.iter().zip(&self.count).take(rings.min(self.used)) {
+            if *count >= ENOUGH {
+                (least, most) = (least.min(*value), most.max(*value));
+            }
+        }
+        (least < most).then_some((f64::from(least), f64::from(most)))
+    }
+
     /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a start. `None`
     /// where the pixels do not determine a ring.
     pub(crate) fn fit(&self, start: &Radial, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
         let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
-        for _ in 0..PASSES {
+        let is_clipped = saturated < f64::INFINITY;
+        let (passes, small) = if is_clipped { CLIPPED } else { WHOLE };
+        for _ in 0..passes {
             let mut sums = [Lanes::ZERO; EVEN_SUMS];
             let kernel = Kernel::new(&radial);
             let limits = (end as f32, saturated as f32);
@@ -197,7 +214,7 @@ impl Profile {
             if !(radial.contrast > 0.0 && radial.inner > 0.5 && radial.outer > radial.inner) {
                 return None;
             }
-            if step[2..].iter().all(|step| step.abs() < SMALL_STEP_PX) {
+            if step[2..].iter().all(|step| step.abs() < small) {
                 break;
             }
         }

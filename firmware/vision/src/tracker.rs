@@ -10,7 +10,7 @@ use crate::candidate::{self, Miss};
 use crate::centre::{self, Workspace};
 use crate::components::Components;
 use crate::light::{self, Light};
-use crate::loader::{Plane, Rect, full_scale};
+use crate::loader::{Plane, Rect};
 use crate::window::Window;
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 use crate::{consensus, threshold};
@@ -178,10 +178,7 @@ impl Tracker {
                 }
             })?
             .in_picture(&window);
-        let scale = f64::from(full_scale(frame)) / 255.0;
-        let levels = (levels.dark * scale, levels.bright * scale);
-        centre::measure(frame, &mut self.workspace, &candidate, levels, search, &self.settings)
-            .map_err(refused)
+        centre::measure(frame, &mut self.workspace, &candidate, search, &self.settings).map_err(refused)
     }
 }
 
