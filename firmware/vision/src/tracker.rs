@@ -14,6 +14,8 @@ use crate::loader::{Plane, Rect, full_scale};
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 use crate::{consensus, threshold};
 
+mod disc;
+
 /// Rings thinner than this are not opened, px: the disk of three pixels would break them.
 const MIN_OPENED_PX: f64 = 4.0;
 
@@ -139,6 +141,9 @@ impl Tracker {
 
     /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
     fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<(Ring, Light), Miss> {
+        if search.is_disc() {
+            return self.look_at_disc(frame, search, at);
+        }
         let refused = |refusal| Miss { refusal, cut_at: None };
         let diameter = search.diameter_px();
         let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);
