@@ -17,6 +17,8 @@ const ON_A_LINE: f64 = 0.01;
 const NEEDED: &str = "at least 4 circles not on one line need them, or none at all";
 /// The lens is tried at the nodes of a grid over the picture, this many steps wide and high.
 const LENS_STEPS: u16 = 32;
+/// Least diameter of a ring's inner edge, mm.
+const LEAST_INNER_MM: f64 = 0.5;
 /// Two rings cannot show nearer to each other than the smallest ring that can be measured is wide, px.
 const NEAREST_SEEDS_PX: f64 = 6.0;
 
@@ -139,13 +141,6 @@ impl Document<'_> {
                 ),
             );
         }
-        if target.kind == Kind::Led {
-            let path = format!("{path}.kind");
-            self.at_path(
-                &path,
-                format!("{path} is \"led\"; lit targets are not measured yet, it must be \"printed\""),
-            );
-        }
         for (axis, name) in [(target.u, "u"), (target.v, "v")] {
             let length = norm(axis);
             if (length - 1.0).abs() > AXIS_TOLERANCE {
@@ -168,9 +163,18 @@ impl Document<'_> {
             );
         }
         let (outer, inner) = (target.outer_diameter_mm, target.inner_diameter_mm);
-        if inner >= outer {
-            let path = format!("{path}.inner_diameter_mm");
-            self.at_path(&path, format!("{path} is {inner}; it must be below outer_diameter_mm, {outer} mm"));
+        let inner_path = format!("{path}.inner_diameter_mm");
+        if target.kind == Kind::Led && inner > 0.0 {
+            let sentence = format!("{inner_path} is {inner}; a disc has no inner edge, leave it out");
+            self.at_path(&inner_path, sentence);
+        } else if target.kind == Kind::Printed && inner < LEAST_INNER_MM {
+            let is = if self.lines.contains_key(&inner_path) { inner.to_string() } else { "missing".to_owned() };
+            let sentence =
+                format!("{inner_path} is {is}; it must be between {LEAST_INNER_MM} mm and outer_diameter_mm");
+            self.at_path(&inner_path, sentence);
+        } else if inner >= outer {
+            let sentence = format!("{inner_path} is {inner}; it must be below outer_diameter_mm, {outer} mm");
+            self.at_path(&inner_path, sentence);
         }
         if target.circles_mm.is_empty() {
             let path = format!("{path}.circles_mm");

@@ -164,7 +164,8 @@ fn circles(number: usize, target: &Target) -> Vec<Circle> {
         point: point.into(),
         normal,
         outer_mm: target.outer_diameter_mm,
-        inner_mm: target.inner_diameter_mm,
+        // None of a disc: its ratio is infinite.
+        inner_mm: if target.kind == Kind::Led { 0.0 } else { target.inner_diameter_mm },
         target: number as u8,
     };
     geometry::points(target).into_iter().map(circle).collect()

@@ -93,7 +93,7 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "# kind = \"printed\"",
             "kind = \"led\"",
-            "41: target[0].kind is \"led\"; lit targets are not measured yet, it must be \"printed\"",
+            "25: target[0].inner_diameter_mm is 21; a disc has no inner edge, leave it out",
         ),
         (
             "# kind = \"printed\"",
