@@ -1,5 +1,6 @@
 //! What one value alone cannot show: whether the values of a setup fit one another.
 
+use gangway_engine::{LAMP_MARGIN_S, LampMode};
 use gangway_pose::{Assigner, MAX_CIRCLES};
 
 use crate::document::Document;
@@ -27,6 +28,7 @@ impl Document<'_> {
     pub(crate) fn check(&mut self, parts: &Parts) {
         self.check_lens(parts);
         self.check_shutter(parts);
+        self.check_lamps(parts);
         self.check_limits(parts);
         for (i, target) in parts.targets.iter().enumerate() {
             self.check_name(&parts.targets, i);
@@ -107,6 +109,36 @@ impl Document<'_> {
         }
     }
 
+    /// Lamps that alternate are switched between two exposures.
+    fn check_lamps(&mut self, parts: &Parts) {
+        let camera = &parts.camera;
+        if parts.board.lamps != LampMode::Alternate || !self.is_clean("camera") {
+            return;
+        }
+        let margin_ms = 1e3 * LAMP_MARGIN_S;
+        let frame_ms = 1000.0 / camera.rate_hz;
+        let rows_ms = 1e-3 * camera.line_time_us.abs() * f64::from(camera.height_px);
+        let most = frame_ms - rows_ms - margin_ms;
+        let exposure_ms = camera.exposure_ms;
+        if exposure_ms == 0.0 {
+            let sentence =
+                "board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms";
+            self.at_path("board.lamps", sentence.to_owned());
+        } else if most <= 0.0 {
+            let sentence = format!(
+                "board.lamps is \"alternate\", but the rows of a frame take {rows_ms:.1} of its {frame_ms:.1} ms; \
+                 {margin_ms} ms must be left between two exposures: take fewer frames a second or \"on\""
+            );
+            self.at_path("board.lamps", sentence);
+        } else if exposure_ms >= most {
+            let sentence = format!(
+                "board.lamps is \"alternate\", but camera.exposure_ms is {exposure_ms}; it must be below {most:.2} ms, \
+                 so that {margin_ms} ms are left between two exposures"
+            );
+            self.at_path("board.lamps", sentence);
+        }
+    }
+
     fn check_limits(&mut self, parts: &Parts) {
         for (i, key) in ["limits.x_mm", "limits.y_mm", "limits.z_mm"].into_iter().enumerate() {
             let (least, greatest) = (parts.limits.min_mm[i], parts.limits.max_mm[i]);
@@ -168,7 +200,8 @@ impl Document<'_> {
             let sentence = format!("{inner_path} is {inner}; a disc has no inner edge, leave it out");
             self.at_path(&inner_path, sentence);
         } else if target.kind == Kind::Printed && inner < LEAST_INNER_MM {
-            let is = if self.lines.contains_key(&inner_path) { inner.to_string() } else { "missing".to_owned() };
+            let is =
+                if self.lines.contains_key(&inner_path) { inner.to_string() } else { "missing".to_owned() };
             let sentence =
                 format!("{inner_path} is {is}; it must be between {LEAST_INNER_MM} mm and outer_diameter_mm");
             self.at_path(&inner_path, sentence);

@@ -27,7 +27,7 @@ use gangway_pose::{Circle, Lens, Pose, Shutter};
 use sha2::{Digest as _, Sha256};
 
 pub use error::{Mistake, SetupError};
-pub use gangway_engine::{Limits, RestSettings};
+pub use gangway_engine::{LampMode, Limits, RestSettings};
 pub use gangway_pose::{Method, Settings as SolverSettings};
 pub use gangway_vision::Settings as TrackerSettings;
 pub use parts::{Board, Camera, Capture, Kind, Parts, SampleFormat, Target};
@@ -133,6 +133,7 @@ impl Setup {
             solver: parts.solver,
             rest: parts.rest,
             limits: parts.limits,
+            lamps: parts.board.lamps,
             text: Default::default(),
             digest: self.digest(),
         };

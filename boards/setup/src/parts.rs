@@ -211,6 +211,8 @@ impl Word for SampleFormat {
 pub struct Board {
     /// Pins of the lamps of lit targets.
     pub lamp_pins: Vec<u8>,
+    /// How they are driven.
+    pub lamps: gangway_engine::LampMode,
     /// Pin of the status lamp; 0 for none.
     pub status_pin: u8,
     /// Pin of the push button; 0 for none.
@@ -227,6 +229,7 @@ impl Default for Board {
     fn default() -> Self {
         Self {
             lamp_pins: Vec::new(),
+            lamps: gangway_engine::LampMode::On,
             status_pin: 0,
             button_pin: 0,
             sync_pin: 0,

@@ -637,6 +637,16 @@ const BOARD: &[FileKey] = &[
         slot: |p| Slot::Bytes(&mut p.board.lamp_pins),
     },
     Key {
+        name: "lamps",
+        unit: "",
+        least: 0.0,
+        greatest: 0.0,
+        required: false,
+        meaning: "How lit targets are driven: always lit, never, or in every other frame.",
+        source: "3.2.1",
+        slot: |p| Slot::Word(&mut p.board.lamps),
+    },
+    Key {
         name: "status_pin",
         unit: "",
         least: 0.0,

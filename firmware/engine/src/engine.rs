@@ -11,7 +11,9 @@ use heapless::Vec;
 use crate::announce::Announcer;
 use crate::health::Pulse;
 use crate::keep::{self, Keeper, Verdict};
+use crate::lamp::{LampMode, Lamps};
 use crate::light::Light;
+use crate::lit::{Flash, Lit};
 use crate::predict::Predictor;
 use crate::recorder::Recorder;
 use crate::rest::{Found, RestFinder};
@@ -85,6 +87,8 @@ pub struct Engine {
     centres: wire::Centres,
     watches: [Watch; MAX_CIRCLES],
     light: Light,
+    lamps: Lamps,
+    flash: Flash,
     announcer: Announcer,
     recorder: Recorder,
     pulse: Pulse,
@@ -120,6 +124,8 @@ impl Engine {
             centres: wire::Centres::new(),
             watches: [Watch::default(); MAX_CIRCLES],
             light: Light::default(),
+            lamps: Lamps::default(),
+            flash: Flash::default(),
             announcer: Announcer::default(),
             recorder: Recorder::default(),
             pulse: Pulse::default(),
@@ -156,7 +162,10 @@ impl Engine {
         if self.pulse.due(frame.time_ns()) {
             self.report_health(board.clock, board.vitals, outbox);
         }
-        if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured }
+        let (time_ns, step) =
+            (frame.time_ns(), if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured });
+        self.lamps.drive(&self.settings, time_ns, board.clock, board.lamps);
+        step
     }
 
     /// Ends the session: says so and puts every lamp out.
@@ -281,6 +290,7 @@ impl Engine {
     fn follow(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
         if !self.keeper.follows() {
             self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
+            self.flash.pass_over();
             return Err(self.nothing());
         }
         let pose = self.predictor.predict(frame.number());
@@ -295,6 +305,13 @@ impl Engine {
         let count = self.searches.len();
         if let Some(outcomes) = self.outcomes.get_mut(..count) {
             self.tracker.track(frame, &self.searches, outcomes);
+            match self.flash.judge(&self.searches, outcomes) {
+                Lit::Not if self.settings.lamps == LampMode::Alternate => {
+                    self.tracker.keep_dark(frame, &self.searches);
+                }
+                Lit::Unknown | Lit::Not | Lit::InPart => self.tracker.forget_dark(),
+                Lit::Wholly => {}
+            }
         }
     }
 
@@ -323,6 +340,9 @@ impl Engine {
         frame: &Frame<'_>,
         solution: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
+        if self.flash.excuses() {
+            return self.without_lamps(frame, solution);
+        }
         let in_picture = self.in_picture();
         let reference = self.rest.as_ref().map(|found| found.pose.pose).or(self.settings.reference);
         let verdict = self.keeper.judge(
@@ -349,6 +369,25 @@ impl Engine {
         }
         self.keeper.note(found.ok().map(|_| used(&found)), self.in_picture());
         found
+    }
+
+    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and nothing is
+    /// in doubt because the rest is missing.
+    fn without_lamps(
+        &mut self,
+        frame: &Frame<'_>,
+        mut solution: Result<Solution, PoseError>,
+    ) -> Result<Solution, PoseError> {
+        let printed = self.searches.iter().filter(|search| !search.is_disc()).count() as u32;
+        if !keep::is_trusted(used(&solution), printed) {
+            return solution.and(Err(self.nothing()));
+        }
+        self.choose_side(frame.number(), &mut solution);
+        if let Ok(pose) = solution.map(|solution| solution.pose) {
+            self.predictor.update(frame.number(), pose);
+            self.track.follow(frame.time_ns(), &pose);
+        }
+        solution
     }
 
     /// The better of `first` and of what the windows of a pose show.
@@ -428,6 +467,11 @@ impl Engine {
         if solution.is_ok() && !keep::is_trusted(used.count_ones(), self.in_picture()) {
             flags |= PoseFlags::SPARSE;
         }
+        flags |= match self.flash.state() {
+            Lit::Not => PoseFlags::DARK,
+            Lit::InPart => PoseFlags::SWITCHED,
+            Lit::Unknown | Lit::Wholly => PoseFlags::default(),
+        };
         let markers = used.count_ones() as u8;
         wire::Pose { frame: frame.number(), time_ns: frame.time_ns(), flags, markers, motion }
     }
@@ -444,6 +488,9 @@ impl Engine {
         let patience = libm::ceil(self.settings.rate_hz) as u32;
         let states = self.outcomes.iter().zip(&mut self.watches).take(circles).enumerate();
         for (circle, (outcome, watch)) in states {
+            if *outcome == Err(Refusal::Unlit) && self.flash.excuses() {
+                continue;
+            }
             let refused = solved && used >> circle & 1 == 0;
             let state = match outcome {
                 Ok(_) if refused => Err(Refusal::Residual),

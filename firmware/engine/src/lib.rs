@@ -16,7 +16,9 @@ mod announce;
 mod engine;
 mod health;
 mod keep;
+mod lamp;
 mod light;
+mod lit;
 mod outbox;
 mod predict;
 mod recorder;
@@ -28,6 +30,7 @@ mod windows;
 
 pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
 pub use gangway_wire::{MAX_MARK, MAX_NAME};
+pub use lamp::{LAMP_MARGIN_S, LampMode};
 pub use outbox::{
     Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, OUTBOX_SLOTS, Outbox, OutboxConsumer,
     OutboxProducer, Packet,

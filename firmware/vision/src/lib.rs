@@ -15,6 +15,7 @@ mod candidate;
 mod centre;
 mod components;
 mod consensus;
+mod dark;
 mod edge;
 mod lanes;
 mod light;

@@ -9,6 +9,7 @@ use crate::bits::Bits;
 use crate::candidate::{self, Miss};
 use crate::centre::{self, Workspace};
 use crate::components::Components;
+use crate::dark::Dark;
 use crate::light::{self, Light};
 use crate::loader::{Plane, Rect, full_scale};
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
@@ -22,13 +23,14 @@ const MIN_OPENED_PX: f64 = 4.0;
 /// A window moved by less than this share of a diameter shows the same.
 const NEW_WINDOW: f64 = 0.1;
 
-/// The tracker with its working memory, about 400 KiB; made once and kept.
+/// The tracker with its working memory, about 450 KiB; made once and kept.
 pub struct Tracker {
     settings: Settings,
     plane: Plane,
     bits: Bits,
     components: Components,
     workspace: Workspace,
+    dark: Dark,
 }
 
 impl Tracker {
@@ -40,6 +42,7 @@ impl Tracker {
             bits: Bits::new(),
             components: Components::new(),
             workspace: Workspace::new(),
+            dark: Dark::new(),
         }
     }
 

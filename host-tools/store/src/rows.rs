@@ -92,6 +92,8 @@ pub fn flag_words(flags: PoseFlags) -> String {
         (PoseFlags::AFTER_GAP, "after-gap"),
         (PoseFlags::CORRUPT, "corrupt"),
         (PoseFlags::SPARSE, "sparse"),
+        (PoseFlags::DARK, "dark"),
+        (PoseFlags::SWITCHED, "switched"),
     ];
     let bits = (0..u16::BITS).filter(|bit| flags.0 >> bit & 1 == 1);
     let words = bits.map(|bit| {
