@@ -6,10 +6,10 @@ use std::convert::Infallible;
 
 use e2e::Ride;
 use embedded_hal::digital::{ErrorType, OutputPin};
-use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout, Reading};
-use gangway_engine::{Board, Engine, Identity, Inbox, LampMode, Outbox};
+use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout};
+use gangway_engine::LampMode;
 use gangway_scene::Scene;
-use gangway_wire::{Decoded, Decoder, Pose, PoseFlags, Record};
+use gangway_wire::{Pose, PoseFlags, Record};
 
 const BASE: &str = include_str!("scenes/lit.toml");
 const TUNNEL: &str = "
@@ -195,8 +195,14 @@ impl Camera for Watching<'_> {
     }
 }
 
-/// Poses, and the share of each frame's exposure in which the lamp shone.
+/// Poses of the loop with a camera that sees its lamp, and the share of each frame's exposure in which the lamp shone.
 fn closed_loop(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
+    // The loop is some hundred KiB large, and so is each copy of it while it is made.
+    let roomy = std::thread::Builder::new().stack_size(8 << 20);
+    roomy.spawn(move || watch(mode)).unwrap().join().unwrap()
+}
+
+fn watch(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
     let ride = |drive: &str| {
         let mut ride = Ride::of(&scene(&format!("{TUNNEL}[lamp]\ndrive = \"{drive}\"\n")));
         ride.settings.lamps = mode;
@@ -207,26 +213,15 @@ fn closed_loop(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
     let world = World::default();
     let mut camera =
         Watching { world: &world, lit: &lit, dark: &dark, next: 0, picture: Vec::new(), shares: Vec::new() };
-    let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
-    let mut engine = Box::new(Engine::new(lit.settings.clone(), identity).unwrap());
-    let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
-    let ((mut outbox, mut packets), (_, mut inbox)) = (outbox.split(), inbox.split());
-    let mut lamps = [WorldLamp(&world)];
-    let (mut decoder, mut poses) = (Decoder::new(), Vec::new());
+    let mut frame_loop = lit.start();
+    let (mut lamp, mut poses) = (WorldLamp(&world), Vec::new());
     for _ in 0..lit.frames.len() {
-        let mut board =
-            Board { camera: &mut camera, clock: &&world, vitals: &mut Reading::default(), lamps: &mut lamps };
-        engine.step(&mut board, &mut inbox, &mut outbox);
-        while let Some(packet) = packets.dequeue() {
-            let mut bytes: &[u8] = &packet.bytes;
-            while !bytes.is_empty() {
-                let (decoded, rest) = decoder.feed(bytes);
-                bytes = rest;
-                if let Some(Decoded::Record { record: Record::Pose(pose), .. }) = decoded {
-                    poses.push(pose);
-                }
+        frame_loop.step_on(&mut camera, &&world, &mut lamp);
+        frame_loop.read(|_, _, record| {
+            if let Record::Pose(pose) = record {
+                poses.push(*pose);
             }
-        }
+        });
     }
     (poses, camera.shares)
 }

@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, OutputPin};
-use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout, Reading};
+use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Lamp, Layout, Reading};
 use gangway_engine::{Board, Command, Engine, Identity, Inbox, Outbox, Settings, Step};
 use gangway_scene::{Scene, Truth};
 use gangway_setup::Setup;
@@ -99,12 +99,16 @@ impl Loop<'_> {
 
     /// One step of any camera.
     pub fn step_with<C: Camera>(&mut self, camera: &mut C) -> Step {
-        let mut board = Board {
-            camera,
-            clock: &Ticks,
-            vitals: &mut Reading::default(),
-            lamps: core::slice::from_mut(&mut self.lamp),
-        };
+        let mut lamp = core::mem::take(&mut self.lamp);
+        let step = self.step_on(camera, &Ticks, &mut lamp);
+        self.lamp = lamp;
+        step
+    }
+
+    /// One step with any camera, clock and lamp.
+    pub fn step_on<C: Camera, K: Clock, L: Lamp>(&mut self, camera: &mut C, clock: &K, lamp: &mut L) -> Step {
+        let vitals = &mut Reading::default();
+        let mut board = Board { camera, clock, vitals, lamps: core::slice::from_mut(lamp) };
         let (mut outbox, _) = self.outbox.split();
         let (_, mut inbox) = self.inbox.split();
         self.engine.step(&mut board, &mut inbox, &mut outbox)
