@@ -5,7 +5,7 @@ use gangway_pose::{Assigner, MAX_CIRCLES};
 
 use crate::document::Document;
 use crate::geometry::{Vector, axes, distance, dot, norm, off_line, points};
-use crate::parts::{Kind, Parts, Target};
+use crate::parts::{ExposureMode, Kind, Parts, Target};
 
 /// Allowed deviation of an axis from unit length, and of two axes from a right angle.
 const AXIS_TOLERANCE: f64 = 1e-3;
@@ -29,6 +29,13 @@ impl Document<'_> {
         self.check_lens(parts);
         self.check_shutter(parts);
         self.check_lamps(parts);
+        if parts.capture.exposure == ExposureMode::Auto
+            && parts.camera.exposure_ms == 0.0
+            && self.is_clean("camera")
+        {
+            let sentence = "capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms";
+            self.at_path("capture.exposure", sentence.to_owned());
+        }
         self.check_limits(parts);
         for (i, target) in parts.targets.iter().enumerate() {
             self.check_name(&parts.targets, i);

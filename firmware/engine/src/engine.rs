@@ -1,6 +1,6 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
-use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
+use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Exposure, Frame, Lamp, Vitals};
 use gangway_pose::{
     MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, solve_in_motion,
 };
@@ -9,6 +9,7 @@ use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
 
 use crate::announce::Announcer;
+use crate::expose::Exposer;
 use crate::health::Pulse;
 use crate::keep::{self, Keeper, Verdict};
 use crate::lamp::{LampMode, Lamps};
@@ -89,6 +90,7 @@ pub struct Engine {
     light: Light,
     lamps: Lamps,
     flash: Flash,
+    exposer: Exposer,
     announcer: Announcer,
     recorder: Recorder,
     pulse: Pulse,
@@ -126,6 +128,10 @@ impl Engine {
             light: Light::default(),
             lamps: Lamps::default(),
             flash: Flash::default(),
+            exposer: Exposer::new(
+                settings.exposure,
+                settings.circles.iter().any(|circle| circle.inner_mm <= 0.0),
+            ),
             announcer: Announcer::default(),
             recorder: Recorder::default(),
             pulse: Pulse::default(),
@@ -164,8 +170,22 @@ impl Engine {
         }
         let (time_ns, step) =
             (frame.time_ns(), if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured });
+        let wanted = self.exposer.wanted(&frame, &self.outcomes);
+        if let Some(wanted) = wanted {
+            self.expose(wanted, board.camera, outbox);
+        }
         self.lamps.drive(&self.settings, time_ns, board.clock, board.lamps);
         step
+    }
+
+    /// Tells the camera another exposure, and the records what it took.
+    fn expose(&mut self, wanted: Exposure, camera: &mut impl Camera, outbox: &mut OutboxProducer<'_>) {
+        let Some(taken) = self.exposer.took(camera.set_exposure(wanted)) else { return };
+        self.settings.shutter.exposure_s = taken.time_s;
+        // The casts saturate.
+        let exposure_us = libm::round(taken.time_s * 1e6) as u32;
+        let gain_permille = libm::round(taken.gain * 1e3) as u32;
+        self.recorder.event(outbox, What::ExposureChanged { exposure_us, gain_permille });
     }
 
     /// Ends the session: says so and puts every lamp out.
@@ -397,14 +417,14 @@ impl Engine {
         pose: &Pose,
         first: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
-        let (outcomes, searches) = (self.outcomes, self.searches.clone());
+        let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
         windows::searches(&self.settings, pose, false, &mut self.searches);
         self.look(frame);
         let other = self.solve(pose);
         if used(&other) > used(&first) {
             return other;
         }
-        (self.outcomes, self.searches) = (outcomes, searches);
+        (self.outcomes, self.searches, self.flash) = (outcomes, searches, flash);
         first
     }
 

@@ -76,7 +76,9 @@ impl Gap {
     fn of(settings: &Settings) -> Self {
         let ns = |s: f64| (s * 1e9).max(0.0) as u64;
         let rows = libm::fabs(settings.shutter.line_time_s) * f64::from(settings.picture.1);
-        let half = 0.5 * (settings.shutter.exposure_s + rows + LAMP_MARGIN_S);
+        // Of exposures that change the longest one is kept clear.
+        let exposure_s = settings.exposure.map_or(settings.shutter.exposure_s, |auto| auto.longest_s);
+        let half = 0.5 * (exposure_s + rows + LAMP_MARGIN_S);
         let period = ns(1.0 / settings.rate_hz).max(1);
         // Where nothing is left, which the setup refuses for lamps that alternate, the middle between two frames.
         let from = ns(half).min(period / 2);

@@ -33,7 +33,7 @@ pub(crate) enum Lit {
 }
 
 /// Watches the discs' levels.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Flash {
     /// Contrast of every disc where it is lit, share of full scale; 0 before it was seen.
     levels: [f32; MAX_CIRCLES],
@@ -75,7 +75,8 @@ impl Flash {
             Lit::InPart
         } else if wholly > 0 {
             Lit::Wholly
-        } else if not > 0 && not * 2 > windows {
+        } else if (not > 0 && not * 2 > windows) || self.state == Lit::Not {
+            // Dark lamps stay dark until a disc shines.
             Lit::Not
         } else {
             Lit::Unknown
@@ -110,7 +111,7 @@ impl Flash {
         self.state
     }
 
-    /// A frame in whose windows nobody looked: dark lamps stay dark until a disc shines.
+    /// A frame in whose windows nobody looked.
     pub(crate) fn pass_over(&mut self) {
         if self.state == Lit::Not {
             self.unlit = self.unlit.saturating_add(1);

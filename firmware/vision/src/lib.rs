@@ -32,6 +32,7 @@ mod threshold;
 mod tracker;
 
 pub use acquire::{Acquisition, MAX_SIGHTINGS};
+pub use loader::level;
 pub use refusal::Refusal;
 pub use search::{Ring, Search};
 pub use settings::Settings;
