@@ -424,7 +424,11 @@ impl Engine {
         if used(&other) > used(&first) {
             return other;
         }
-        (self.outcomes, self.searches, self.flash) = (outcomes, searches, flash);
+        (self.outcomes, self.searches) = (outcomes, searches);
+        // Discs that shone in part are found, though they do not count.
+        if self.flash.state() != Lit::InPart {
+            self.flash = flash;
+        }
         first
     }
 
