@@ -18,11 +18,11 @@ level = 0.1
 end_s = 1.2
 rise_s = 0.1
 ";
-/// On the upper third of a target, through some of its rings.
+/// On the upper part of a target, a third of it on the whole: its edge goes through some of the rings.
 const SUN: &str = "
 [[sun]]
-size_px = [150.0, 60.0]
-path = [[0.5, 640.0, 225.0], [1.5, 600.0, 245.0]]
+size_px = [150.0, 80.0]
+path = [[0.5, 650.0, 215.0], [1.6, 650.0, 265.0]]
 level = 1.5
 ";
 const FLICKER: &str = "
@@ -34,12 +34,12 @@ flicker_hz = 100.0
 const MIRRORED: &str = "
 [[glare]]
 radius_px = 18.0
-path = [[0.5, 420.0, 380.0], [1.6, 520.0, 130.0]]
+path = [[0.5, 420.0, 380.0], [1.6, 670.0, 285.0]]
 level = 1.2
 
 [[glare]]
 radius_px = 40.0
-path = [[0.5, 500.0, 300.0], [1.6, 560.0, 180.0]]
+path = [[0.5, 500.0, 300.0], [1.6, 400.0, 100.0]]
 level = 0.4
 ";
 const DARKNESS: &str = "
@@ -49,6 +49,14 @@ fall_s = 0.02
 level = 0.0
 end_s = 1.2
 rise_s = 0.02
+";
+
+const SWAY: &str = "
+[[motion.sine]]
+degree = \"y\"
+amplitude = 60.0
+frequency_hz = 1.3
+fade_s = 0.3
 ";
 
 /// Name, what is added, when there is no light, s.
@@ -79,7 +87,8 @@ struct Outcome {
 }
 
 fn play(name: &str, added: &str, without: [f64; 2], seed: u64) -> Outcome {
-    let mut text = format!("{BASE}{added}");
+    // The ramp begins with a jolt, whose mean over an exposure is not its middle: another error than that of light.
+    let mut text = format!("{BASE}{added}{SWAY}").replace("size = 170.0", "size = 0.0");
     if name.contains("rolling") {
         text = text.replace("exposure_ms = 2.0", "exposure_ms = 2.0\nline_time_us = 20.0");
     }
@@ -124,9 +133,6 @@ fn play(name: &str, added: &str, without: [f64; 2], seed: u64) -> Outcome {
             outcome.poses += usize::from(used > 0);
             outcome.fewest = outcome.fewest.min(used);
         }
-        if std::env::var("LIGHT_ROWS").is_ok() {
-            eprintln!("{name} {frame} used {used} largest {:.2}", outcome.largest);
-        }
     }
     outcome
 }
@@ -168,8 +174,9 @@ fn check(all: &[(&'static str, Vec<Outcome>)]) {
             assert_eq!(outcome.wrong, 0, "{name}: {outcome:?}");
             assert_eq!(outcome.poses, outcome.enough, "{name}: {outcome:?}");
             let (square, count) = outcome.normalised;
-            // The rest pose's own error is common to a whole ride: one ride's mean square lies within this of 1.
-            assert!(square / (count as f64) < 3.0, "{name}: {outcome:?}");
+            // The rest pose's own error is common to a whole ride: one ride's mean square lies below this by far most
+            // often, and the largest of some five hundred errors, four standard deviations by themselves, below six.
+            assert!(square / (count as f64) < 2.5 && outcome.largest < 6.0, "{name}: {outcome:?}");
         }
     }
 }
