@@ -5,8 +5,10 @@
 //!     cargo test --release -p e2e --test light -- --ignored --nocapture
 
 use e2e::Ride;
+use gangway_device::{Camera, CameraErrorKind, Exposure, Frame, Layout};
+use gangway_engine::{AutoExposure, Step};
 use gangway_scene::Scene;
-use gangway_wire::Record;
+use gangway_wire::{Record, What};
 
 const BASE: &str = include_str!("scenes/keeping.toml");
 
@@ -184,6 +186,83 @@ fn check(all: &[(&'static str, Vec<Outcome>)]) {
 #[test]
 fn every_light_leaves_a_pose_in_every_frame_and_no_ring_is_wrong() {
     check(&table(1..2));
+}
+
+/// A camera that takes another exposure two frames after it was told.
+struct Following<'s> {
+    scene: &'s Scene,
+    size: (u16, u16),
+    longest_s: f64,
+    number: u32,
+    told: [Exposure; 3],
+    shares: Vec<f32>,
+    picture: Vec<u8>,
+}
+
+impl Camera for Following<'_> {
+    type Error = CameraErrorKind;
+
+    fn next_frame(&mut self) -> Result<Frame<'_>, CameraErrorKind> {
+        let number = self.number;
+        if number == self.scene.frames() {
+            return Err(CameraErrorKind::Ended);
+        }
+        self.number += 1;
+        let Exposure { time_s, gain } = self.told[0];
+        self.told = [self.told[1], self.told[2], self.told[2]];
+        self.scene.render_ideal(number, &mut self.shares);
+        let factor = (time_s / self.longest_s * gain) as f32;
+        self.picture = self.shares.iter().map(|share| (255.0 * share * factor + 0.5) as u8).collect();
+        let time_ns = u64::from(number) * 20_000_000;
+        let stride = usize::from(self.size.0);
+        Frame::new(&self.picture, self.size, stride, Layout::GREY, number, time_ns)
+            .map_err(|_| CameraErrorKind::Corrupt)
+    }
+
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        // To steps of 0.1 ms and of an eighth.
+        let taken = Exposure {
+            time_s: (wanted.time_s * 1e4).round().max(1.0) / 1e4,
+            gain: (wanted.gain * 8.0).round() / 8.0,
+        };
+        self.told[2] = taken;
+        Some(taken)
+    }
+}
+
+#[test]
+fn exposure_follows_the_light_and_rests_and_every_change_is_recorded() {
+    let text = format!("{BASE}{FALL}").replace("frames = 90", "frames = 110");
+    let scene = Scene::parse(&text, "light.toml").expect("the scene is right");
+    let mut ride = Ride::of(&scene.with_frames(1));
+    let scene = Scene::parse(&text, "light.toml").expect("the scene is right");
+    let longest_s = 8e-3;
+    ride.settings.exposure = Some(AutoExposure { longest_s, most_gain: 8.0 });
+    let size = ride.settings.picture;
+    let told = [Exposure { time_s: longest_s, gain: 1.0 }; 3];
+    let (shares, picture) = (Vec::new(), Vec::new());
+    let mut camera = Following { scene: &scene, size, longest_s, number: 0, told, shares, picture };
+    let mut frame_loop = ride.start();
+    let (mut changes, mut unposed) = (Vec::new(), Vec::new());
+    while frame_loop.step_with(&mut camera) != Step::NoFrame(CameraErrorKind::Ended) {
+        frame_loop.read(|_, _, record| match record {
+            Record::Pose(pose) if pose.markers == 0 => unposed.push(pose.frame),
+            Record::Event(event) => {
+                if let What::ExposureChanged { exposure_us, gain_permille } = event.what {
+                    changes.push((event.frame, exposure_us, gain_permille));
+                }
+            }
+            _ => {}
+        });
+    }
+    println!("{changes:?}, without a pose: {unposed:?}");
+    // Dark from frame 35 to 60, and as bright as before from 65 on.
+    assert!(changes.iter().any(|(frame, _, gain)| (32..60).contains(frame) && *gain > 4_000), "{changes:?}");
+    let last = changes.last().expect("it came back");
+    assert!((60..100).contains(&last.0) && last.2 == 1_000, "and rests: {changes:?}");
+    assert!(changes.len() <= 14, "{changes:?}");
+    // Where light comes back ten times as bright within 0.1 s, white and black are clipped until the camera has followed.
+    assert!(unposed.iter().all(|frame| *frame < 3 || (60..80).contains(frame)), "{unposed:?}");
 }
 
 #[test]

@@ -26,8 +26,9 @@ const STEP: f32 = 1.6;
 const STEP_OF_DISCS: f32 = 1.1;
 /// Frames from a change until the level is looked at again: cameras take two or three to follow.
 const SETTLE: u32 = 4;
-/// Level of what is clipped, as far as it is known.
-const CLIPPED: f32 = 1.3;
+/// What is as bright as this is clipped: nobody knows by how much, so the exposure is cut to this share.
+const CLIPPED: f32 = 0.97;
+const CUT: f32 = 0.4;
 /// Shortest exposure, share of the longest.
 const SHORTEST: f64 = 1e-3;
 /// Without a ring for so many frames, the picture's own level counts.
@@ -89,7 +90,9 @@ impl Exposer {
                 return None;
             }
         }
-        let factor = f64::from(ratio.clamp(1.0 / self.step, self.step));
+        let least = if level >= CLIPPED && self.step > STEP_OF_DISCS { CUT } else { 1.0 / self.step };
+        let ratio = if level >= CLIPPED { least } else { ratio.clamp(least, self.step) };
+        let factor = f64::from(ratio);
         let total = self.now.time_s * self.now.gain * factor;
         let time_s = total.clamp(SHORTEST * bounds.longest_s, bounds.longest_s);
         let gain = (total / time_s).clamp(1.0, bounds.most_gain);
