@@ -82,7 +82,7 @@ pub fn numbers(pose: &Pose) -> Option<[f32; 13]> {
 
 /// Words of the flags, joined by `|`; bits that this version does not know as `bit9`.
 pub fn flag_words(flags: PoseFlags) -> String {
-    const WORDS: [(PoseFlags, &str); 9] = [
+    const WORDS: [(PoseFlags, &str); 11] = [
         (PoseFlags::WAITING, "waiting"),
         (PoseFlags::FEW_MARKERS, "few-markers"),
         (PoseFlags::NO_SOLUTION, "no-solution"),
