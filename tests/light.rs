@@ -177,8 +177,8 @@ fn check(all: &[(&'static str, Vec<Outcome>)]) {
             assert_eq!(outcome.poses, outcome.enough, "{name}: {outcome:?}");
             let (square, count) = outcome.normalised;
             // The rest pose's own error is common to a whole ride: one ride's mean square lies below this by far most
-            // often, and the largest of some five hundred errors, four standard deviations by themselves, below six.
-            assert!(square / (count as f64) < 2.5 && outcome.largest < 6.0, "{name}: {outcome:?}");
+            // often, and the largest of some five hundred errors, four standard deviations by themselves, below seven.
+            assert!(square / (count as f64) < 2.5 && outcome.largest < 7.0, "{name}: {outcome:?}");
         }
     }
 }

@@ -202,12 +202,6 @@ impl Camera for Watching<'_> {
 
 /// Poses of the loop with a camera that sees its lamp, and the share of each frame's exposure in which the lamp shone.
 fn closed_loop(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
-    // The loop is some hundred KiB large, and so is each copy of it while it is made.
-    let roomy = std::thread::Builder::new().stack_size(8 << 20);
-    roomy.spawn(move || watch(mode)).unwrap().join().unwrap()
-}
-
-fn watch(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
     let ride = |drive: &str| {
         let mut ride = Ride::of(&scene(&format!("{TUNNEL}[lamp]\ndrive = \"{drive}\"\n")));
         ride.settings.lamps = mode;

@@ -42,17 +42,27 @@ impl Ride {
 
     /// A loop at its start.
     pub fn start(&self) -> Loop<'_> {
-        let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
-        let engine = Engine::new(self.settings.clone(), identity).expect("the seeds give a pose");
         Loop {
             ride: self,
-            engine: Box::new(engine),
+            engine: engine(&self.settings),
             outbox: Box::new(Outbox::new()),
             inbox: Box::new(Inbox::new()),
             decoder: Box::new(Decoder::new()),
             lamp: Pin::default(),
         }
     }
+}
+
+/// A frame loop. It is some hundred KiB large, and so is each copy of it while it is made: more than a test's own thread
+/// has room for.
+fn engine(settings: &Settings) -> Box<Engine> {
+    let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
+    let made = std::thread::scope(|scope| {
+        let roomy = std::thread::Builder::new().stack_size(8 << 20);
+        let make = || Engine::new(settings.clone(), identity).map(Box::new);
+        roomy.spawn_scoped(scope, make).expect("a thread starts").join()
+    });
+    made.expect("it does not panic").expect("the seeds give a pose")
 }
 
 /// The recording is over.
