@@ -96,7 +96,8 @@ fn a_post_over_a_disc_never_moves_its_centre_unnoticed() {
                 Err(_) => refused += 1,
             }
         }
-        assert!(refused > 30, "{diameter}: {refused}");
+        // All that hide more than a quarter of it.
+        assert!(refused > 25, "{diameter}: {refused}");
     }
 }
 
