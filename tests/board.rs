@@ -270,8 +270,9 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
 const LAMP: u32 = 1 << 17;
 const STATUS: u32 = 1 << 22;
 const GPLEV0: u32 = 0x3f20_0034;
-const PINS: &str = "[board]\nlamp_pins = [17]\nstatus_pin = 22\n";
-/// Lights the lamp behind the box's back, as a policy of the frame loop would: GPSET0, bit 17.
+const PINS: &str = "[board]\nlamp_pins = [17]\nlamps = \"off\"\nstatus_pin = 22\n";
+const ALTERNATE: &str = "[board]\nlamp_pins = [17]\nlamps = \"alternate\"\nstatus_pin = 22\n";
+/// Lights the lamp behind the box's back: GPSET0, bit 17.
 const LIGHT: &str = "devmem 0x3f20001c 32 0x20000";
 
 #[test]
@@ -303,6 +304,40 @@ fn lamps_are_dark_after_the_end_and_after_a_kill_and_a_new_start() {
     board.go();
     board.expect("board: again");
     assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), STATUS, "the next start puts it out");
+    board.go();
+    board.wait();
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn lamps_that_alternate_do_so_on_their_pin_and_are_dark_at_the_end() {
+    let show = Show::new(ALTERNATE);
+    let job = format!(
+        "insmod /modules/v4l2loopback.ko devices=1 video_nr=0 max_buffers=8
+        feed /dev/video0 /frames.raw 800 450 {RATE_HZ} /tmp/go &
+        FEED=$!
+        sleep 1
+        gangway-pi run --setup /setup.toml --to file:/tmp/box.gw & BOX=$!; sleep 6
+        echo 'board: drives'; read go
+        kill -TERM $BOX; wait $BOX; echo 'board: ended'; read go
+        kill $FEED"
+    );
+    let mut board = show.boot(&job);
+    board.expect("board: drives");
+    // Read at times that have nothing to do with the frames'.
+    let lit: Vec<bool> = (0..60)
+        .map(|_| {
+            std::thread::sleep(Duration::from_millis(173));
+            board.word(GPLEV0) & LAMP != 0
+        })
+        .collect();
+    let count = lit.iter().filter(|lit| **lit).count();
+    // Half of them; five standard deviations of a coin thrown sixty times.
+    assert!((10..50).contains(&count), "{count} of {} lit: {lit:?}", lit.len());
+    println!("lit in {count} of {} readings of the level register", lit.len());
+    board.go();
+    board.expect("board: ended");
+    assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), 0, "dark after SIGTERM");
     board.go();
     board.wait();
 }

@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, OutputPin};
-use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout, Reading};
+use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Lamp, Layout, Reading};
 use gangway_engine::{Board, Command, Engine, Identity, Inbox, Outbox, Settings, Step};
 use gangway_scene::{Scene, Truth};
 use gangway_setup::Setup;
@@ -42,17 +42,27 @@ impl Ride {
 
     /// A loop at its start.
     pub fn start(&self) -> Loop<'_> {
-        let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
-        let engine = Engine::new(self.settings.clone(), identity).expect("the seeds give a pose");
         Loop {
             ride: self,
-            engine: Box::new(engine),
+            engine: engine(&self.settings),
             outbox: Box::new(Outbox::new()),
             inbox: Box::new(Inbox::new()),
             decoder: Box::new(Decoder::new()),
             lamp: Pin::default(),
         }
     }
+}
+
+/// A frame loop. It is some hundred KiB large, and so is each copy of it while it is made: more than a test's own thread
+/// has room for.
+fn engine(settings: &Settings) -> Box<Engine> {
+    let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
+    let made = std::thread::scope(|scope| {
+        let roomy = std::thread::Builder::new().stack_size(8 << 20);
+        let make = || Engine::new(settings.clone(), identity).map(Box::new);
+        roomy.spawn_scoped(scope, make).expect("a thread starts").join()
+    });
+    made.expect("it does not panic").expect("the seeds give a pose")
 }
 
 /// The recording is over.
@@ -99,12 +109,16 @@ impl Loop<'_> {
 
     /// One step of any camera.
     pub fn step_with<C: Camera>(&mut self, camera: &mut C) -> Step {
-        let mut board = Board {
-            camera,
-            clock: &Ticks,
-            vitals: &mut Reading::default(),
-            lamps: core::slice::from_mut(&mut self.lamp),
-        };
+        let mut lamp = core::mem::take(&mut self.lamp);
+        let step = self.step_on(camera, &Ticks, &mut lamp);
+        self.lamp = lamp;
+        step
+    }
+
+    /// One step with any camera, clock and lamp.
+    pub fn step_on<C: Camera, K: Clock, L: Lamp>(&mut self, camera: &mut C, clock: &K, lamp: &mut L) -> Step {
+        let vitals = &mut Reading::default();
+        let mut board = Board { camera, clock, vitals, lamps: core::slice::from_mut(lamp) };
         let (mut outbox, _) = self.outbox.split();
         let (_, mut inbox) = self.inbox.split();
         self.engine.step(&mut board, &mut inbox, &mut outbox)

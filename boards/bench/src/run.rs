@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use gangway_device::{Camera, CameraErrorKind, Frame, Link};
+use gangway_device::{Camera, CameraErrorKind, Exposure, Frame, Link};
 use gangway_engine::{
     Board, Engine, Identity, Inbox, InboxConsumer, MAX_RECORDS_PER_STEP, Outbox, OutboxProducer, Settings,
     Step,
@@ -209,6 +209,10 @@ impl<C: Camera> Camera for Stamped<'_, C> {
         self.clock.arrive(frame.time_ns());
         Ok(frame)
     }
+
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        self.camera.set_exposure(wanted)
+    }
 }
 
 /// What the two threads tell one another.
@@ -243,6 +247,9 @@ pub fn run<L: Link<Error = gangway_link::Error> + fmt::Display + Send>(
             "the recording has {rate_hz} frames/s, the setup says {}; the recording's rate is used",
             settings.rate_hz
         ));
+    }
+    if settings.exposure.is_some() {
+        say("a recording's exposure is what it was: capture.exposure = \"auto\" is left aside");
     }
     source.remark().iter().for_each(|remark| say(remark));
     let camera = Recording::new(source, play.passes.max(1), play.limit, timing, play.pace, stop);

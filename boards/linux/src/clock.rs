@@ -21,6 +21,11 @@ impl Clock for SystemClock {
         monotonic_ns()
     }
 
+    fn wait_until_ns(&self, time_ns: u64) {
+        let Some(left) = time_ns.checked_sub(self.now_ns()) else { return };
+        std::thread::sleep(std::time::Duration::from_nanos(left));
+    }
+
     /// What the kernel says of its clock (adjtimex): nothing where nobody synchronises it.
     fn utc_offset_ns(&self) -> Option<(i64, u64)> {
         // SAFETY: a structure of numbers, for which zeros are valid; no mode bit is set, so it is only filled.

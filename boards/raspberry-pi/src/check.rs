@@ -44,13 +44,8 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
     );
 
     let (notices, said) = Notices::channel();
-    let mut camera = V4l2::new(
-        parts.capture.clone(),
-        parts.camera.line_time_us,
-        settings.picture,
-        settings.rate_hz,
-        notices.clone(),
-    );
+    let mut camera =
+        V4l2::new(parts.capture.clone(), parts.camera, settings.picture, settings.rate_hz, notices.clone());
     match camera.open() {
         Err(error) => tell("camera", Err(error.sentence)),
         Ok(mut stream) => {

@@ -116,13 +116,8 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
     }
     // Dark before anything else can fail: a box that was killed may have left them lit.
     let mut pins = Pins::take(&parts.board, notices.clone())?;
-    let camera = V4l2::new(
-        parts.capture.clone(),
-        parts.camera.line_time_us,
-        settings.picture,
-        settings.rate_hz,
-        notices.clone(),
-    );
+    let camera =
+        V4l2::new(parts.capture.clone(), parts.camera, settings.picture, settings.rate_hz, notices.clone());
     let mut camera = Recovering::new(camera, settings.rate_hz, notices.clone());
     camera.start()?;
     let identity = identity(box_id);

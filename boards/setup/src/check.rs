@@ -1,10 +1,11 @@
 //! What one value alone cannot show: whether the values of a setup fit one another.
 
+use gangway_engine::{LAMP_MARGIN_S, LampMode};
 use gangway_pose::{Assigner, MAX_CIRCLES};
 
 use crate::document::Document;
 use crate::geometry::{Vector, axes, distance, dot, norm, off_line, points};
-use crate::parts::{Kind, Parts, Target};
+use crate::parts::{ExposureMode, Kind, Parts, Target};
 
 /// Allowed deviation of an axis from unit length, and of two axes from a right angle.
 const AXIS_TOLERANCE: f64 = 1e-3;
@@ -17,6 +18,8 @@ const ON_A_LINE: f64 = 0.01;
 const NEEDED: &str = "at least 4 circles not on one line need them, or none at all";
 /// The lens is tried at the nodes of a grid over the picture, this many steps wide and high.
 const LENS_STEPS: u16 = 32;
+/// Least diameter of a ring's inner edge, mm.
+const LEAST_INNER_MM: f64 = 0.5;
 /// Two rings cannot show nearer to each other than the smallest ring that can be measured is wide, px.
 const NEAREST_SEEDS_PX: f64 = 6.0;
 
@@ -25,6 +28,14 @@ impl Document<'_> {
     pub(crate) fn check(&mut self, parts: &Parts) {
         self.check_lens(parts);
         self.check_shutter(parts);
+        self.check_lamps(parts);
+        if parts.capture.exposure == ExposureMode::Auto
+            && parts.camera.exposure_ms == 0.0
+            && self.is_clean("camera")
+        {
+            let sentence = "capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms";
+            self.at_path("capture.exposure", sentence.to_owned());
+        }
         self.check_limits(parts);
         for (i, target) in parts.targets.iter().enumerate() {
             self.check_name(&parts.targets, i);
@@ -105,6 +116,36 @@ impl Document<'_> {
         }
     }
 
+    /// Lamps that alternate are switched between two exposures.
+    fn check_lamps(&mut self, parts: &Parts) {
+        let camera = &parts.camera;
+        if parts.board.lamps != LampMode::Alternate || !self.is_clean("camera") {
+            return;
+        }
+        let margin_ms = 1e3 * LAMP_MARGIN_S;
+        let frame_ms = 1000.0 / camera.rate_hz;
+        let rows_ms = 1e-3 * camera.line_time_us.abs() * f64::from(camera.height_px);
+        let most = frame_ms - rows_ms - margin_ms;
+        let exposure_ms = camera.exposure_ms;
+        if exposure_ms == 0.0 {
+            let sentence =
+                "board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms";
+            self.at_path("board.lamps", sentence.to_owned());
+        } else if most <= 0.0 {
+            let sentence = format!(
+                "board.lamps is \"alternate\", but the rows of a frame take {rows_ms:.1} of its {frame_ms:.1} ms; \
+                 {margin_ms} ms must be left between two exposures: take fewer frames a second or \"on\""
+            );
+            self.at_path("board.lamps", sentence);
+        } else if exposure_ms >= most {
+            let sentence = format!(
+                "board.lamps is \"alternate\", but camera.exposure_ms is {exposure_ms}; it must be below {most:.2} ms, \
+                 so that {margin_ms} ms are left between two exposures"
+            );
+            self.at_path("board.lamps", sentence);
+        }
+    }
+
     fn check_limits(&mut self, parts: &Parts) {
         for (i, key) in ["limits.x_mm", "limits.y_mm", "limits.z_mm"].into_iter().enumerate() {
             let (least, greatest) = (parts.limits.min_mm[i], parts.limits.max_mm[i]);
@@ -139,13 +180,6 @@ impl Document<'_> {
                 ),
             );
         }
-        if target.kind == Kind::Led {
-            let path = format!("{path}.kind");
-            self.at_path(
-                &path,
-                format!("{path} is \"led\"; lit targets are not measured yet, it must be \"printed\""),
-            );
-        }
         for (axis, name) in [(target.u, "u"), (target.v, "v")] {
             let length = norm(axis);
             if (length - 1.0).abs() > AXIS_TOLERANCE {
@@ -168,9 +202,19 @@ impl Document<'_> {
             );
         }
         let (outer, inner) = (target.outer_diameter_mm, target.inner_diameter_mm);
-        if inner >= outer {
-            let path = format!("{path}.inner_diameter_mm");
-            self.at_path(&path, format!("{path} is {inner}; it must be below outer_diameter_mm, {outer} mm"));
+        let inner_path = format!("{path}.inner_diameter_mm");
+        if target.kind == Kind::Led && inner > 0.0 {
+            let sentence = format!("{inner_path} is {inner}; a disc has no inner edge, leave it out");
+            self.at_path(&inner_path, sentence);
+        } else if target.kind == Kind::Printed && inner < LEAST_INNER_MM {
+            let is =
+                if self.lines.contains_key(&inner_path) { inner.to_string() } else { "missing".to_owned() };
+            let sentence =
+                format!("{inner_path} is {is}; it must be between {LEAST_INNER_MM} mm and outer_diameter_mm");
+            self.at_path(&inner_path, sentence);
+        } else if inner >= outer {
+            let sentence = format!("{inner_path} is {inner}; it must be below outer_diameter_mm, {outer} mm");
+            self.at_path(&inner_path, sentence);
         }
         if target.circles_mm.is_empty() {
             let path = format!("{path}.circles_mm");

@@ -27,10 +27,10 @@ use gangway_pose::{Circle, Lens, Pose, Shutter};
 use sha2::{Digest as _, Sha256};
 
 pub use error::{Mistake, SetupError};
-pub use gangway_engine::{Limits, RestSettings};
+pub use gangway_engine::{AutoExposure, LampMode, Limits, RestSettings};
 pub use gangway_pose::{Method, Settings as SolverSettings};
 pub use gangway_vision::Settings as TrackerSettings;
-pub use parts::{Board, Camera, Capture, Kind, Parts, SampleFormat, Target};
+pub use parts::{Board, Camera, Capture, ExposureMode, Kind, Parts, SampleFormat, Target};
 pub use show::{Allowed, Row, reference};
 pub use slot::Value;
 
@@ -133,6 +133,11 @@ impl Setup {
             solver: parts.solver,
             rest: parts.rest,
             limits: parts.limits,
+            exposure: (parts.capture.exposure == ExposureMode::Auto).then(|| AutoExposure {
+                longest_s: camera.exposure_ms / 1e3,
+                most_gain: parts.capture.most_gain,
+            }),
+            lamps: parts.board.lamps,
             text: Default::default(),
             digest: self.digest(),
         };
@@ -164,7 +169,8 @@ fn circles(number: usize, target: &Target) -> Vec<Circle> {
         point: point.into(),
         normal,
         outer_mm: target.outer_diameter_mm,
-        inner_mm: target.inner_diameter_mm,
+        // None of a disc: its ratio is infinite.
+        inner_mm: if target.kind == Kind::Led { 0.0 } else { target.inner_diameter_mm },
         target: number as u8,
     };
     geometry::points(target).into_iter().map(circle).collect()

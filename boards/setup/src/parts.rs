@@ -38,7 +38,7 @@ pub struct Camera {
     pub rate_hz: f64,
     /// From the exposure of one row to that of the next, us; 0 for a global shutter.
     pub line_time_us: f64,
-    /// Exposure of each row, ms; 0 where it is not known.
+    /// Exposure of each row, ms, the longest one where the loop drives it; 0 where it is not known.
     pub exposure_ms: f64,
     /// Focal lengths fx, fy, px.
     pub focal_px: [f64; 2],
@@ -133,8 +133,10 @@ pub struct Capture {
     pub device: String,
     /// Sample format.
     pub format: SampleFormat,
-    /// Exposure, us; 0 leaves it as it is.
-    pub exposure_us: f64,
+    /// Whether the exposure is driven by the loop.
+    pub exposure: ExposureMode,
+    /// Most amplification where it is.
+    pub most_gain: f64,
     /// Gain in the driver's units; -1 leaves it as it is.
     pub gain: f64,
     /// Focus in the driver's units; -1 leaves it as it is.
@@ -148,11 +150,37 @@ impl Default for Capture {
         Self {
             device: "/dev/video0".to_owned(),
             format: SampleFormat::Auto,
-            exposure_us: 0.0,
+            exposure: ExposureMode::Fixed,
+            most_gain: 8.0,
             gain: -1.0,
             focus: -1.0,
             buffers: 4,
         }
+    }
+}
+
+/// Who says how long a camera exposes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExposureMode {
+    /// The setup, once.
+    #[default]
+    Fixed,
+    /// The loop, by the targets' own level.
+    Auto,
+}
+
+impl Word for ExposureMode {
+    fn words(&self) -> &'static [&'static str] {
+        &["fixed", "auto"]
+    }
+    fn index(&self) -> usize {
+        match self {
+            ExposureMode::Fixed => 0,
+            ExposureMode::Auto => 1,
+        }
+    }
+    fn choose(&mut self, index: usize) {
+        *self = if index == 0 { ExposureMode::Fixed } else { ExposureMode::Auto };
     }
 }
 
@@ -211,6 +239,8 @@ impl Word for SampleFormat {
 pub struct Board {
     /// Pins of the lamps of lit targets.
     pub lamp_pins: Vec<u8>,
+    /// How they are driven.
+    pub lamps: gangway_engine::LampMode,
     /// Pin of the status lamp; 0 for none.
     pub status_pin: u8,
     /// Pin of the push button; 0 for none.
@@ -227,6 +257,7 @@ impl Default for Board {
     fn default() -> Self {
         Self {
             lamp_pins: Vec::new(),
+            lamps: gangway_engine::LampMode::On,
             status_pin: 0,
             button_pin: 0,
             sync_pin: 0,

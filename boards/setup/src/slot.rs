@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use gangway_engine::LampMode;
 use gangway_pose::Method;
 
 /// A borrowed place of one setting.
@@ -36,6 +37,26 @@ pub(crate) trait Word {
     fn index(&self) -> usize;
     /// Takes another.
     fn choose(&mut self, index: usize);
+}
+
+impl Word for LampMode {
+    fn words(&self) -> &'static [&'static str] {
+        &["on", "off", "alternate"]
+    }
+    fn index(&self) -> usize {
+        match self {
+            LampMode::On => 0,
+            LampMode::Off => 1,
+            LampMode::Alternate => 2,
+        }
+    }
+    fn choose(&mut self, index: usize) {
+        *self = match index {
+            0 => LampMode::On,
+            1 => LampMode::Off,
+            _ => LampMode::Alternate,
+        };
+    }
 }
 
 impl Word for Method {

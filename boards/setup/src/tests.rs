@@ -254,8 +254,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     let gate = row("solver.gate_px");
     assert_eq!((gate.value, gate.line), (Value::Number(0.5), None));
     assert_eq!(row("camera.rate_hz").default, None);
-    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 6 + 6.
-    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 12);
+    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 7 + 7.
+    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 14);
 }
 
 /// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
@@ -295,13 +295,15 @@ fn every_setting_of_the_firmware_is_in_the_table() {
     said.capture = Capture {
         device: "serial:42".into(),
         format: SampleFormat::Bayer,
-        exposure_us: 3000.0,
+        exposure: ExposureMode::Auto,
+        most_gain: 4.0,
         gain: 0.0,
         focus: 20.0,
         buffers: 6,
     };
     said.board = Board {
         lamp_pins: vec![17, 27],
+        lamps: LampMode::Alternate,
         status_pin: 22,
         button_pin: 23,
         sync_pin: 24,

@@ -31,6 +31,15 @@ impl CameraError for CameraErrorKind {
     }
 }
 
+/// How long a camera exposes each row, and how much it amplifies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Time, s.
+    pub time_s: f64,
+    /// Factor over no amplification, 1 or more.
+    pub gain: f64,
+}
+
 /// A source of frames.
 pub trait Camera {
     /// The board's own error.
@@ -40,4 +49,11 @@ pub trait Camera {
     ///
     /// The frame borrows the camera's buffer, which is given back when the borrow ends.
     fn next_frame(&mut self) -> Result<Frame<'_>, Self::Error>;
+
+    /// Tells the camera another exposure, for frames that come some frames later. Gives what it took, to its own steps
+    /// and bounds; `None` where it cannot be told, as a recording.
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        let _ = wanted;
+        None
+    }
 }

@@ -19,7 +19,7 @@ mod frame;
 mod lamp;
 mod link;
 
-pub use camera::{Camera, CameraError, CameraErrorKind};
+pub use camera::{Camera, CameraError, CameraErrorKind, Exposure};
 pub use clock::{Clock, Reading, Vitals};
 pub use frame::{Frame, FrameError, Layout};
 pub use lamp::Lamp;

@@ -28,11 +28,15 @@ pub(crate) struct Acquirer {
 
 impl Acquirer {
     pub(crate) fn new(settings: &Settings) -> Self {
-        let ratios = settings.circles.iter().map(|circle| circle.outer_mm / circle.inner_mm);
+        let all = || settings.circles.iter().map(|circle| circle.outer_mm / circle.inner_mm);
+        // Discs have no inner edge.
+        let rings = all().filter(|ratio| ratio.is_finite());
         let ratios =
-            ratios.fold([f64::INFINITY, 0.0_f64], |[low, high], ratio| [low.min(ratio), high.max(ratio)]);
+            rings.fold([f64::INFINITY, 0.0_f64], |[low, high], ratio| [low.min(ratio), high.max(ratio)]);
+        let acquisition = Acquisition::new(&settings.vision, ratios);
+        let has_discs = all().any(|ratio| !ratio.is_finite());
         Self {
-            acquisition: Acquisition::new(&settings.vision, ratios),
+            acquisition: if has_discs { acquisition.with_discs() } else { acquisition },
             assigner: Assigner::new(&settings.circles),
             assigning: false,
             fresh: false,

@@ -1,6 +1,6 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
-use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Frame, Lamp, Vitals};
+use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Exposure, Frame, Lamp, Vitals};
 use gangway_pose::{
     MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, VarianceComponent,
     solve_in_motion,
@@ -10,9 +10,12 @@ use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 use heapless::Vec;
 
 use crate::announce::Announcer;
+use crate::expose::Exposer;
 use crate::health::Pulse;
 use crate::keep::{self, Keeper, Verdict};
+use crate::lamp::{LampMode, Lamps};
 use crate::light::Light;
+use crate::lit::{Flash, Lit};
 use crate::predict::Predictor;
 use crate::recorder::Recorder;
 use crate::rest::{Found, RestFinder};
@@ -87,6 +90,9 @@ pub struct Engine {
     centres: wire::Centres,
     watches: [Watch; MAX_CIRCLES],
     light: Light,
+    lamps: Lamps,
+    flash: Flash,
+    exposer: Exposer,
     announcer: Announcer,
     recorder: Recorder,
     pulse: Pulse,
@@ -123,6 +129,12 @@ impl Engine {
             centres: wire::Centres::new(),
             watches: [Watch::default(); MAX_CIRCLES],
             light: Light::default(),
+            lamps: Lamps::default(),
+            flash: Flash::default(),
+            exposer: Exposer::new(
+                settings.exposure,
+                settings.circles.iter().any(|circle| circle.inner_mm <= 0.0),
+            ),
             announcer: Announcer::default(),
             recorder: Recorder::default(),
             pulse: Pulse::default(),
@@ -159,7 +171,24 @@ impl Engine {
         if self.pulse.due(frame.time_ns()) {
             self.report_health(board.clock, board.vitals, outbox);
         }
-        if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured }
+        let (time_ns, step) =
+            (frame.time_ns(), if pose.motion.is_some() { Step::Measured } else { Step::Unmeasured });
+        let wanted = self.exposer.wanted(&frame, &self.outcomes);
+        if let Some(wanted) = wanted {
+            self.expose(wanted, board.camera, outbox);
+        }
+        self.lamps.drive(&self.settings, time_ns, board.clock, board.lamps);
+        step
+    }
+
+    /// Tells the camera another exposure, and the records what it took.
+    fn expose(&mut self, wanted: Exposure, camera: &mut impl Camera, outbox: &mut OutboxProducer<'_>) {
+        let Some(taken) = self.exposer.took(camera.set_exposure(wanted)) else { return };
+        self.settings.shutter.exposure_s = taken.time_s;
+        // The casts saturate.
+        let exposure_us = libm::round(taken.time_s * 1e6) as u32;
+        let gain_permille = libm::round(taken.gain * 1e3) as u32;
+        self.recorder.event(outbox, What::ExposureChanged { exposure_us, gain_permille });
     }
 
     /// Ends the session: says so and puts every lamp out.
@@ -284,6 +313,7 @@ impl Engine {
     fn follow(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
         if !self.keeper.follows() {
             self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
+            self.flash.pass_over();
             return Err(self.nothing());
         }
         let pose = self.predictor.predict(frame.number());
@@ -298,6 +328,13 @@ impl Engine {
         let count = self.searches.len();
         if let Some(outcomes) = self.outcomes.get_mut(..count) {
             self.tracker.track(frame, &self.searches, outcomes);
+            match self.flash.judge(&self.searches, outcomes) {
+                Lit::Not if self.settings.lamps == LampMode::Alternate => {
+                    self.tracker.keep_dark(frame, &self.searches);
+                }
+                Lit::Unknown | Lit::Not | Lit::InPart => self.tracker.forget_dark(),
+                Lit::Wholly => {}
+            }
         }
     }
 
@@ -327,6 +364,9 @@ impl Engine {
         frame: &Frame<'_>,
         solution: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
+        if self.flash.excuses() {
+            return self.without_lamps(frame, solution);
+        }
         let in_picture = self.in_picture();
         let reference = self.rest.as_ref().map(|found| found.pose.pose).or(self.settings.reference);
         let verdict = self.keeper.judge(
@@ -364,6 +404,25 @@ impl Engine {
         self.variance.learn(solution.residual_px, covariances);
     }
 
+    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and nothing is
+    /// in doubt because the rest is missing.
+    fn without_lamps(
+        &mut self,
+        frame: &Frame<'_>,
+        mut solution: Result<Solution, PoseError>,
+    ) -> Result<Solution, PoseError> {
+        let printed = self.searches.iter().filter(|search| !search.is_disc()).count() as u32;
+        if !keep::is_trusted(used(&solution), printed) {
+            return solution.and(Err(self.nothing()));
+        }
+        self.choose_side(frame.number(), &mut solution);
+        if let Ok(pose) = solution.map(|solution| solution.pose) {
+            self.predictor.update(frame.number(), pose);
+            self.track.follow(frame.time_ns(), &pose);
+        }
+        solution
+    }
+
     /// The better of `first` and of what the windows of a pose show.
     fn look_from(
         &mut self,
@@ -371,7 +430,7 @@ impl Engine {
         pose: &Pose,
         first: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
-        let (outcomes, searches) = (self.outcomes, self.searches.clone());
+        let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
         windows::searches(&self.settings, pose, false, &mut self.searches);
         self.look(frame);
         let other = self.solve(pose);
@@ -379,6 +438,10 @@ impl Engine {
             return other;
         }
         (self.outcomes, self.searches) = (outcomes, searches);
+        // Discs that shone in part are found, though they do not count.
+        if self.flash.state() != Lit::InPart {
+            self.flash = flash;
+        }
         first
     }
 
@@ -441,6 +504,11 @@ impl Engine {
         if solution.is_ok() && !keep::is_trusted(used.count_ones(), self.in_picture()) {
             flags |= PoseFlags::SPARSE;
         }
+        flags |= match self.flash.state() {
+            Lit::Not => PoseFlags::DARK,
+            Lit::InPart => PoseFlags::SWITCHED,
+            Lit::Unknown | Lit::Wholly => PoseFlags::default(),
+        };
         let markers = used.count_ones() as u8;
         wire::Pose { frame: frame.number(), time_ns: frame.time_ns(), flags, markers, motion }
     }
@@ -457,6 +525,9 @@ impl Engine {
         let patience = libm::ceil(self.settings.rate_hz) as u32;
         let states = self.outcomes.iter().zip(&mut self.watches).take(circles).enumerate();
         for (circle, (outcome, watch)) in states {
+            if *outcome == Err(Refusal::Unlit) && self.flash.excuses() {
+                continue;
+            }
             let refused = solved && used >> circle & 1 == 0;
             let state = match outcome {
                 Ok(_) if refused => Err(Refusal::Residual),

@@ -285,6 +285,8 @@ mod tests {
             solver: Default::default(),
             rest: RestSettings::default(),
             limits: Limits::default(),
+            exposure: None,
+            lamps: Default::default(),
             text: Default::default(),
             digest: [0; 16],
         }

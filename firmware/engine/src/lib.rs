@@ -11,12 +11,18 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 mod acquire;
 mod announce;
 mod engine;
+mod expose;
 mod health;
 mod keep;
+mod lamp;
 mod light;
+mod lit;
 mod outbox;
 mod predict;
 mod recorder;
@@ -27,7 +33,9 @@ mod visibility;
 mod windows;
 
 pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
+pub use expose::AutoExposure;
 pub use gangway_wire::{MAX_MARK, MAX_NAME};
+pub use lamp::{LAMP_MARGIN_S, LampMode};
 pub use outbox::{
     Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, OUTBOX_SLOTS, Outbox, OutboxConsumer,
     OutboxProducer, Packet,

@@ -3,7 +3,7 @@
 use gangway_pose::{Circle, Lens, MAX_CIRCLES, Pose, Shutter};
 use heapless::{String, Vec};
 
-use crate::{MAX_NAME, MAX_SETUP_TEXT};
+use crate::{AutoExposure, LampMode, MAX_NAME, MAX_SETUP_TEXT};
 
 /// How rest is recognised and measured (thesis 5.3.2: a poor first frame biases every later one).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,6 +68,10 @@ pub struct Settings {
     pub rest: RestSettings,
     /// Limits of the motion.
     pub limits: Limits,
+    /// Within what bounds the camera's exposure is driven; `None`: it is left alone.
+    pub exposure: Option<AutoExposure>,
+    /// How the lamps of lit targets are driven.
+    pub lamps: LampMode,
     /// The setup file's text as it is announced.
     pub text: String<MAX_SETUP_TEXT>,
     /// First 16 bytes of the text's SHA-256.

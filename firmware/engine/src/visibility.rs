@@ -69,6 +69,7 @@ fn lost_reason(refusal: Refusal) -> LostReason {
         Refusal::Outline => LostReason::Outline,
         Refusal::Neighbour => LostReason::Neighbour,
         Refusal::Residual => LostReason::Residual,
+        Refusal::Unlit => LostReason::Unlit,
     }
 }
 

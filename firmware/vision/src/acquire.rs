@@ -2,6 +2,7 @@
 //! black, white, black, white of a ring (as finder patterns of two-dimensional codes are, ISO/IEC 18004), and what shows
 //! it is looked at along eight rays. In slices: so much work a frame and no more.
 
+mod disc;
 mod probe;
 mod row;
 
@@ -9,7 +10,7 @@ use gangway_device::Frame;
 use gangway_pose::Sighting;
 use heapless::Vec;
 
-use crate::acquire::row::{Limits, Row};
+use crate::acquire::row::{Limits, Row, Shape};
 use crate::{MAX_SIDE, Settings};
 
 /// Most rings that one sweep can find; more ring-like things than that hide the real ones.
@@ -67,6 +68,12 @@ impl Acquisition {
         }
     }
 
+    /// Looks for bright discs on dark as well.
+    pub fn with_discs(mut self) -> Self {
+        self.limits.take_discs();
+        self
+    }
+
     /// Says how large the smallest ring shows, px, where that is known: fewer rows are enough for larger rings.
     pub fn expect(&mut self, diameter_px: f64) {
         let step = (STEP_SHARE * diameter_px).clamp(ROW_STEPS[0], ROW_STEPS[1]) as u16;
@@ -121,9 +128,13 @@ impl Acquisition {
             if sightings.is_full() || sightings.iter().any(|known| is_within(at, known)) {
                 return;
             }
-            let found = probe::ring(frame, &pattern, y, ratios);
+            let found = match pattern.shape {
+                Shape::Ring => probe::ring(frame, &pattern, y, ratios),
+                Shape::Disc => disc::disc(frame, &pattern, y, ratios[0].is_finite()),
+            };
             spent += WORK_PROBE[usize::from(found.is_some())];
-            let fits = |ring: &Sighting| (DIAMETERS_PX[0]..=DIAMETERS_PX[1]).contains(&ring.diameter_px());
+            let least = if pattern.shape == Shape::Disc { disc::LEAST_PX } else { DIAMETERS_PX[0] };
+            let fits = |ring: &Sighting| (least..=DIAMETERS_PX[1]).contains(&ring.diameter_px());
             if let Some(ring) = found.filter(fits)
                 && !sightings.iter().any(|known| is_within(ring.at, known))
             {

@@ -8,6 +8,8 @@ use crate::components::{Components, Part};
 use crate::window::Window;
 use crate::{Refusal, Search, Settings};
 
+pub(crate) mod disc;
+
 /// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels has
 /// 0.99 or more from 12 px on, one with a tenth of its diameter cut off 0.985 and a smaller ring with it.
 const MIN_ELLIPTICITY: f64 = 0.975;

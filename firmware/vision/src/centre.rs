@@ -5,7 +5,7 @@
 //! roughly the centre; all pixels near the edges then give centre and slope of the light together. Levels, radii
 //! and blur are even about the centre and do not move it, so they need not be known as well.
 
-use core::f64::consts::TAU;
+mod disc;
 
 use gangway_device::Frame;
 use gangway_pose::Centre;
@@ -18,6 +18,8 @@ use crate::model::{Kernel, Model};
 use crate::patch::{Belts, Patch};
 use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings};
+
+pub(crate) use disc::measure as measure_disc;
 
 /// White that is looked at around a ring, px: the layout of an A3 7-CCC at 5 m leaves 4. Less is taken where less is
 /// white.
@@ -311,12 +313,14 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
     let step = model.out_of_circle(step);
     let share = radial.outer_share();
     let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
-    let inner = model.out_of_circle([inner_x * scale / (1.0 - share), inner_y * scale / (1.0 - share)]);
+    // A disc has no inner edge, and its share is none.
+    let other = (1.0 - share).max(f64::MIN_POSITIVE);
+    let inner = model.out_of_circle([inner_x * scale / other, inner_y * scale / other]);
     // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black. The
     // fit follows the noise of two in as many pixels as carry the information.
-    let carrying = TAU * (radial.outer + radial.inner) * radial.half_width() * (SQUARE * SQUARE / FOURTH);
+    let carrying = radial.edges_px() * radial.half_width() * (SQUARE * SQUARE / FOURTH);
     // The step takes a part of the residuals away; what is even about the centre is the radii's error and no noise.
-    let even = outer_even * outer_even / share + inner_even * inner_even / (1.0 - share);
+    let even = outer_even * outer_even / share + inner_even * inner_even / other;
     let taken = 0.5 * moved + even / (square * square);
     let residual = (noise / square - taken * (FOURTH / SQUARE)).max(0.0) / (1.0 - 4.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
@@ -336,6 +340,6 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
             libm::hypot(outer[0] - inner[0], outer[1] - inner[1]),
             sigma / libm::sqrt(share * (1.0 - share)),
         ],
-        third: [libm::hypot(cosine, sine) * scale / share, sigma / libm::sqrt(share)],
+        third: [libm::hypot(cosine, sine) * libm::fabs(scale) / share, sigma / libm::sqrt(share)],
     })
 }

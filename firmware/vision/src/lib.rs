@@ -15,6 +15,7 @@ mod candidate;
 mod centre;
 mod components;
 mod consensus;
+mod dark;
 mod edge;
 mod lanes;
 mod light;
@@ -32,6 +33,7 @@ mod tracker;
 mod window;
 
 pub use acquire::{Acquisition, MAX_SIGHTINGS};
+pub use loader::level;
 pub use refusal::Refusal;
 pub use search::{Ring, Search};
 pub use settings::Settings;

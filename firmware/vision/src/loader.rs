@@ -215,6 +215,11 @@ pub(crate) fn top(frame: &Frame, x: u16, y: u16) -> Option<u8> {
     }
 }
 
+/// One sample to 8 bits, share of full scale; 0 outside the picture.
+pub fn level(frame: &Frame, x: u16, y: u16) -> f32 {
+    top(frame, x, y).map_or(0.0, |value| f32::from(value) / 255.0)
+}
+
 /// The value of a saturated sample.
 pub(crate) fn full_scale(frame: &Frame) -> f32 {
     ((1u32 << frame.layout().bits().min(16)) - 1) as f32

@@ -4,6 +4,8 @@
 //! Pixels are sorted by radius, half a pixel a cell, and by quadrant of their direction; a cell knows the mean radius
 //! and value of its own.
 
+mod disc;
+
 use crate::edge::{HALF_WIDTH, PEAK, edge};
 use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
 
@@ -59,14 +61,36 @@ pub(crate) struct Radial {
     pub(crate) white: f64,
     /// White less black.
     pub(crate) contrast: f64,
-    /// Radii of the edges, px.
+    /// Radii of the edges, px; the inner one of a disc is [`NO_EDGE`].
     pub(crate) outer: f64,
     pub(crate) inner: f64,
     /// Standard deviation of the edges' blur, px.
     pub(crate) blur: f64,
 }
 
+/// Radius of an inner edge that is not there: no pixel is near it.
+pub(crate) const NO_EDGE: f64 = -1e4;
+
 impl Radial {
+    /// Whether there is only an outer edge: a disc.
+    pub(crate) fn is_disc(&self) -> bool {
+        self.inner < 0.0
+    }
+
+    /// Whether levels and radii are those of a black ring on white or of a bright disc on dark. Not a number is neither.
+    fn is_sound(&self) -> bool {
+        if self.is_disc() {
+            self.contrast < 0.0 && self.outer > 0.0
+        } else {
+            self.contrast > 0.0 && self.inner > 0.5 && self.outer > self.inner
+        }
+    }
+
+    /// Length of the edges, px.
+    pub(crate) fn edges_px(&self) -> f64 {
+        core::f64::consts::TAU * (self.outer + self.inner.max(0.0))
+    }
+
     /// Half the width of an edge, px.
     pub(crate) fn half_width(&self) -> f64 {
         HALF_WIDTH * self.blur
@@ -79,7 +103,7 @@ impl Radial {
 
     /// Share of the outer edge in the length of both, and so in the information on the centre.
     pub(crate) fn outer_share(&self) -> f64 {
-        self.outer / (self.outer + self.inner)
+        self.outer / (self.outer + self.inner.max(0.0))
     }
 }
 
@@ -203,15 +227,18 @@ impl Profile {
                 kernel.compare(radius, value, count, limits, &mut terms);
                 add_products(&terms, &mut sums);
             }
-            let step = solve(&sums.map(Lanes::sum))?;
+            let mut sums = sums.map(Lanes::sum);
+            if radial.is_disc() {
+                disc::hold(&mut sums, &radial, saturated);
+            }
+            let step = solve(&sums)?;
             let bounded = |step: f64| step.clamp(-LARGEST_STEP_PX, LARGEST_STEP_PX);
             radial.white += step[0];
             radial.contrast += step[1];
             radial.outer += bounded(step[2]);
             radial.inner += bounded(step[3]);
             radial.blur = (radial.blur + bounded(step[4]) / HALF_WIDTH).clamp(BLUR.0, BLUR.1);
-            // Written so that a NaN is refused too.
-            if !(radial.contrast > 0.0 && radial.inner > 0.5 && radial.outer > radial.inner) {
+            if !radial.is_sound() {
                 return None;
             }
             if step[2..].iter().all(|step| step.abs() < small) {

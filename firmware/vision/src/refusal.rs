@@ -21,4 +21,6 @@ pub enum Refusal {
     Neighbour,
     /// A ring was measured, but it does not fit to the pose of the others.
     Residual,
+    /// A disc was measured, but its lamp did not shine over the whole exposure.
+    Unlit,
 }

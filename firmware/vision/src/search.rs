@@ -10,7 +10,7 @@ pub struct Search {
     /// Second central moments (uu, uv, vv) of the predicted filled outer disc, px^2. A disc of diameter `d` that
     /// is seen from the front has (d^2/16, 0, d^2/16).
     pub shape: [f64; 3],
-    /// Outer to inner diameter, 1.3 to 4.
+    /// Outer to inner diameter, 1.3 to 4; infinite for a bright disc on dark, which has no inner edge.
     pub ratio: f64,
     /// How far from `at` the ring may be before it could be a neighbour, px: usually half the distance to the
     /// next circle.
@@ -40,6 +40,16 @@ impl Search {
         }
     }
 
+    /// The same for a bright disc on dark.
+    pub fn disc(at: [f64; 2], diameter_px: f64) -> Self {
+        Self { ratio: f64::INFINITY, ..Self::round(at, diameter_px) }
+    }
+
+    /// Whether it is a bright disc on dark, not a ring.
+    pub fn is_disc(&self) -> bool {
+        self.ratio == f64::INFINITY
+    }
+
     /// Diameter of the circle that has the area of the predicted outer ellipse, px.
     pub fn diameter_px(&self) -> f64 {
         let [uu, uv, vv] = self.shape;
@@ -47,16 +57,16 @@ impl Search {
     }
 }
 
-/// A ring as it was measured.
+/// A ring, or a bright disc, as it was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ring {
     /// The circle's centre and its covariance from the pixels' own noise.
     pub centre: Centre,
     /// Diameter of the circle that has the area of the outer ellipse, px.
     pub diameter_px: f64,
-    /// Level of the white around and inside the ring, share of full scale.
+    /// Level of the white around and inside the ring, or of the bright disc, share of full scale.
     pub white: f32,
-    /// Level of the ring's black, share of full scale.
+    /// Level of the ring's black, or of the dark around the disc, share of full scale.
     pub black: f32,
     /// Standard deviation of the picture's noise at the ring, share of full scale.
     pub noise: f32,

@@ -6,8 +6,10 @@ use crate::loader::Plane;
 /// much of a window of 2 to 3 diameters, even where a post hides part of it.
 const BRIGHT_SHARE: f64 = 0.2;
 
-/// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples.
+/// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples. Of a disc
+/// that is hardly more than a point none may be missed.
 const SAMPLED_ROWS: usize = 10;
+const SAMPLED_DISC_ROWS: usize = 24;
 
 /// The two levels of a window, 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +32,7 @@ const BINS: usize = 64;
 /// Levels of a window of which `ring_share` is the ring's black: dark is the mean of the darkest such share,
 /// bright the level that a fifth of the samples exceed.
 pub(crate) fn levels(plane: &Plane, ring_share: f64) -> Levels {
-    let histogram = histogram(plane);
+    let histogram = histogram(plane, SAMPLED_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
     // The middle of a bin.
     let level = |bin: u32| f64::from(BIN * bin) + 0.5 * f64::from(BIN - 1);
@@ -59,11 +61,42 @@ pub(crate) fn levels(plane: &Plane, ring_share: f64) -> Levels {
     Levels { dark, bright: level(0) }
 }
 
+/// Share of a window's samples that are darker than its dark level, where a bright disc is looked for in it.
+const DARK_SHARE: f64 = 0.5;
+
+/// Levels of a window of which `disc_share` is a bright disc: bright is the mean of the brightest such share, dark the
+/// level that half of the samples stay below.
+pub(crate) fn disc_levels(plane: &Plane, disc_share: f64) -> Levels {
+    let histogram = histogram(plane, SAMPLED_DISC_ROWS);
+    let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
+    let level = |bin: u32| f64::from(BIN * bin) + 0.5 * f64::from(BIN - 1);
+    let wanted = (disc_share * f64::from(count)).max(1.0) as u32;
+    let (mut taken, mut sum) = (0u32, 0u32);
+    for (&n, bin) in histogram.iter().zip(0..BINS as u32).rev() {
+        let part = u32::from(n).min(wanted - taken);
+        taken += part;
+        sum += part * bin;
+        if taken >= wanted {
+            break;
+        }
+    }
+    let bright = level(0) + f64::from(BIN * sum) / f64::from(taken.max(1));
+    let limit = (DARK_SHARE * f64::from(count)) as u32;
+    let mut below = 0u32;
+    for (&n, bin) in histogram.iter().zip(0..BINS as u32) {
+        below += u32::from(n);
+        if below > limit {
+            return Levels { dark: level(bin), bright };
+        }
+    }
+    Levels { dark: level(0), bright }
+}
+
 /// Histogram of every second sample of a row, and of every second row or fewer where the window is large.
-fn histogram(plane: &Plane) -> [u16; BINS] {
+fn histogram(plane: &Plane, rows: usize) -> [u16; BINS] {
     // Four tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
     let mut tables = [[0u16; BINS]; 4];
-    let every = (plane.height() / SAMPLED_ROWS).max(1);
+    let every = (plane.height() / rows).max(1);
     for row in plane.rows().iter().step_by(every) {
         let row = row.get(..plane.width()).unwrap_or_default();
         let (eights, rest) = row.as_chunks::<8>();

@@ -9,11 +9,14 @@ use crate::bits::Bits;
 use crate::candidate::{self, Miss};
 use crate::centre::{self, Workspace};
 use crate::components::Components;
+use crate::dark::Dark;
 use crate::light::{self, Light};
 use crate::loader::{Plane, Rect};
 use crate::window::Window;
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
 use crate::{consensus, threshold};
+
+mod disc;
 
 /// Rings thinner than this are not opened, samples: the disk of three would break what a post leaves of them.
 const MIN_OPENED: f64 = 6.0;
@@ -21,13 +24,14 @@ const MIN_OPENED: f64 = 6.0;
 /// A window moved by less than this share of a diameter shows the same.
 const NEW_WINDOW: f64 = 0.1;
 
-/// The tracker with its working memory, about 400 KiB; made once and kept.
+/// The tracker with its working memory, about 450 KiB; made once and kept.
 pub struct Tracker {
     settings: Settings,
     plane: Plane,
     bits: Bits,
     components: Components,
     workspace: Workspace,
+    dark: Dark,
 }
 
 impl Tracker {
@@ -39,6 +43,7 @@ impl Tracker {
             bits: Bits::new(),
             components: Components::new(),
             workspace: Workspace::new(),
+            dark: Dark::new(),
         }
     }
 
@@ -140,6 +145,9 @@ impl Tracker {
 
     /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
     fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<(Ring, Light), Miss> {
+        if search.is_disc() {
+            return self.look_at_disc(frame, search, at);
+        }
         let refused = |refusal| Miss { refusal, cut_at: None };
         let diameter = search.diameter_px();
         let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);

@@ -87,6 +87,13 @@ pub enum What<'a> {
     },
     /// A new setup was taken over.
     SetupChanged,
+    /// The camera was told another exposure or gain.
+    ExposureChanged {
+        /// Exposure, us.
+        exposure_us: u32,
+        /// Gain, thousandths of that without amplification.
+        gain_permille: u32,
+    },
 }
 
 /// Why a circle is not seen; the numbers never change.
@@ -111,6 +118,8 @@ pub enum LostReason {
     Neighbour = 7,
     /// Does not fit the pose of the others.
     Residual = 8,
+    /// Its lamp does not shine.
+    Unlit = 9,
     /// A reason that this version does not know.
     Other = 255,
 }
@@ -127,6 +136,7 @@ impl LostReason {
             6 => Self::Outline,
             7 => Self::Neighbour,
             8 => Self::Residual,
+            9 => Self::Unlit,
             _ => Self::Other,
         }
     }
@@ -163,6 +173,7 @@ impl What<'_> {
             What::Mark { .. } => 16,
             What::CommandRefused { .. } => 17,
             What::SetupChanged => 18,
+            What::ExposureChanged { .. } => 19,
         }
     }
 }
@@ -195,6 +206,7 @@ impl<'a> Event<'a> {
                 put(&text, out)?
             }
             What::CommandRefused { kind } => put(&kind, out)?,
+            What::ExposureChanged { exposure_us, gain_permille } => put(&(exposure_us, gain_permille), out)?,
         };
         Ok(length + fields)
     }
@@ -233,6 +245,10 @@ impl<'a> Event<'a> {
             }
             17 => take(rest).map(|(kind, rest)| (What::CommandRefused { kind }, rest))?,
             18 => (What::SetupChanged, rest),
+            19 => {
+                let ((exposure_us, gain_permille), rest) = take(rest)?;
+                (What::ExposureChanged { exposure_us, gain_permille }, rest)
+            }
             _ => return Err(BodyError::Newer),
         };
         Ok((Event { frame: head.frame, time_ns: head.time_ns, what }, rest))

@@ -122,6 +122,10 @@ impl PoseFlags {
     pub const CORRUPT: Self = Self(1 << 7);
     /// Fewer than 7 in 10 of the circles that should be in the picture went into the pose.
     pub const SPARSE: Self = Self(1 << 8);
+    /// The lamps of lit targets were measured dark; their circles did not count.
+    pub const DARK: Self = Self(1 << 9);
+    /// The lamps were switched within the exposure, by what their circles show; these did not count.
+    pub const SWITCHED: Self = Self(1 << 10);
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {

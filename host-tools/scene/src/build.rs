@@ -4,12 +4,14 @@ use std::path::Path;
 
 use crate::background::Background;
 use crate::error::Mistake;
-use crate::file::{Degree, PersonTable, SceneFile, Side, TargetTable};
+use crate::file::{Degree, Kind, PersonTable, SceneFile, Side, TargetTable};
 use crate::keys::{self, join};
+use crate::lamp::{Lamp, LampDrive};
 use crate::light::{Fall, Light};
 use crate::motion::{Motion, Motions, Term};
 use crate::occluder::Occluder;
 use crate::optics::{Lens, Pose, Vec3, add, cross, dot, scale};
+use crate::patch::{Glare, Sun};
 use crate::plate::Plate;
 use crate::sensor::Sensor;
 use crate::tolerance::Tolerance;
@@ -31,6 +33,9 @@ pub(crate) struct Parts {
     pub(crate) rest: Pose,
     pub(crate) sensor: Sensor,
     pub(crate) light: Light,
+    pub(crate) suns: Vec<Sun>,
+    pub(crate) glares: Vec<Glare>,
+    pub(crate) lamp: Lamp,
     pub(crate) background: Background,
     pub(crate) plates: Vec<Plate>,
     /// Sheets with rings on the carbody that are no targets.
@@ -119,6 +124,9 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
         rest,
         sensor: sensor(file)?,
         light: light(file)?,
+        suns: suns(file)?,
+        glares: glares(file)?,
+        lamp: lamp(file, rate_hz)?,
         background: Background {
             level: keys::BACKGROUND.take("background", file.background.level)?,
             texture: keys::TEXTURE.take("background", file.background.texture)?,
@@ -184,16 +192,81 @@ fn light(file: &SceneFile) -> Result<Light, Mistake> {
     Ok(Light {
         level: keys::LIGHT.take("light", table.level)?,
         curve: table.curve.clone(),
+        flicker: [
+            keys::FLICKER_DEPTH.take("light", table.flicker_depth)?,
+            keys::FLICKER.take("light", table.flicker_hz)?,
+            keys::FLICKER_PHASE.take("light", table.flicker_phase_deg)?.to_radians(),
+        ],
         falls: table.fall.iter().enumerate().map(fall).collect::<Result<_, _>>()?,
         gradient: keys::GRADIENT.take_all("light", table.gradient)?,
         vignetting: keys::VIGNETTING.take("light", table.vignetting)?,
     })
 }
 
+fn suns(file: &SceneFile) -> Result<Vec<Sun>, Mistake> {
+    let sun = |(i, table): (usize, &crate::file::SunTable)| {
+        let at = format!("sun[{i}]");
+        Ok(Sun {
+            size: keys::PATCH_SIZE.take_all(&at, table.size_px)?,
+            path: path(&table.path, &at)?,
+            edge: keys::SUN_EDGE.take(&at, table.edge_px)?,
+            level: keys::SUN_LEVEL.take(&at, table.level)?,
+        })
+    };
+    file.sun.iter().enumerate().map(sun).collect()
+}
+
+fn glares(file: &SceneFile) -> Result<Vec<Glare>, Mistake> {
+    let glare = |(i, table): (usize, &crate::file::GlareTable)| {
+        let at = format!("glare[{i}]");
+        Ok(Glare {
+            radius: keys::GLARE_RADIUS.take(&at, table.radius_px)?,
+            path: path(&table.path, &at)?,
+            level: keys::GLARE_LEVEL.take(&at, table.level)?,
+        })
+    };
+    file.glare.iter().enumerate().map(glare).collect()
+}
+
+/// Two points (seconds, u, v) or more, at times that rise.
+fn path(points: &[[f64; 3]], at: &str) -> Result<Vec<[f64; 3]>, Mistake> {
+    for point in points {
+        keys::PATCH_PATH.take_all(at, *point)?;
+    }
+    if points.len() < 2 {
+        return Err(Mistake::new(join(at, "path"), "allowed are two points (s, u, v) or more"));
+    }
+    rising(points.iter().map(|point| point[0]), &join(at, "path"))?;
+    Ok(points.to_vec())
+}
+
+fn lamp(file: &SceneFile, rate_hz: f64) -> Result<Lamp, Mistake> {
+    let table = &file.lamp;
+    for at in &table.switches_s {
+        keys::LAMP_SWITCHES.take("lamp", Some(*at))?;
+    }
+    let delay_s = 1e-3 * keys::LAMP_DELAY.take("lamp", table.delay_ms)?;
+    Ok(Lamp {
+        level: keys::LAMP_LEVEL.take("lamp", table.level)?,
+        drive: LampDrive::new(table.drive, table.starts_dark, delay_s, rate_hz),
+        switches_s: table.switches_s.clone(),
+    })
+}
+
 fn plate(table: &TargetTable, at: &str) -> Result<Plate, Mistake> {
     let axes = axes(table, at)?;
     let outer = keys::OUTER.take(at, table.outer_diameter_mm)?;
-    let inner = keys::INNER.take(at, table.inner_diameter_mm)?;
+    let is_lit = table.kind == Kind::Led;
+    let inner = match (is_lit, table.inner_diameter_mm) {
+        (true, None) => 0.0,
+        (true, Some(_)) => {
+            return Err(Mistake::new(
+                join(at, "inner_diameter_mm"),
+                "a disc has no inner edge; leave it out",
+            ));
+        }
+        (false, inner) => keys::INNER.take(at, inner)?,
+    };
     if inner >= outer {
         let message = format!("is {inner}, allowed is less than outer_diameter_mm, {outer} mm");
         return Err(Mistake::new(join(at, "inner_diameter_mm"), message));
@@ -228,12 +301,17 @@ fn plate(table: &TargetTable, at: &str) -> Result<Plate, Mistake> {
         let message = format!("does not hold the rings, allowed is at least {} x {} mm", need[0], need[1]);
         return Err(Mistake::new(join(at, "sheet_mm"), message));
     }
-    let reflectance = [keys::WHITE.take(at, table.white)?, keys::BLACK.take(at, table.black)?];
+    let white = if is_lit { keys::UNLIT } else { keys::WHITE };
+    let mut reflectance = [white.take(at, table.white)?, keys::BLACK.take(at, table.black)?];
     if reflectance[1] >= reflectance[0] {
         let message = format!("is {}, allowed is less than white, {}", reflectance[1], reflectance[0]);
         return Err(Mistake::new(join(at, "black"), message));
     }
+    if is_lit {
+        reflectance.reverse();
+    }
     Ok(Plate {
+        is_lit,
         name: table.name.clone(),
         origin: keys::ORIGIN.take_all(at, table.origin_mm)?,
         axes,

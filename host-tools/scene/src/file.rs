@@ -22,6 +22,12 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) light: LightTable,
     #[serde(default)]
+    pub(crate) sun: Vec<SunTable>,
+    #[serde(default)]
+    pub(crate) glare: Vec<GlareTable>,
+    #[serde(default)]
+    pub(crate) lamp: LampTable,
+    #[serde(default)]
     pub(crate) background: BackgroundTable,
     pub(crate) target: Vec<TargetTable>,
     #[serde(default)]
@@ -80,8 +86,51 @@ pub(crate) struct LightTable {
     pub(crate) vignetting: Option<f64>,
     #[serde(default)]
     pub(crate) curve: Vec<[f64; 2]>,
+    pub(crate) flicker_depth: Option<f64>,
+    pub(crate) flicker_hz: Option<f64>,
+    pub(crate) flicker_phase_deg: Option<f64>,
     #[serde(default)]
     pub(crate) fall: Vec<FallTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SunTable {
+    pub(crate) size_px: [f64; 2],
+    pub(crate) path: Vec<[f64; 3]>,
+    pub(crate) edge_px: Option<f64>,
+    pub(crate) level: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct GlareTable {
+    pub(crate) radius_px: Option<f64>,
+    pub(crate) path: Vec<[f64; 3]>,
+    pub(crate) level: Option<f64>,
+}
+
+/// How the lamps of lit targets are driven: a recording cannot follow the box.
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Drive {
+    #[default]
+    On,
+    Off,
+    Alternate,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LampTable {
+    pub(crate) level: Option<f64>,
+    #[serde(default)]
+    pub(crate) drive: Drive,
+    #[serde(default)]
+    pub(crate) starts_dark: bool,
+    pub(crate) delay_ms: Option<f64>,
+    #[serde(default)]
+    pub(crate) switches_s: Vec<f64>,
 }
 
 #[derive(Deserialize)]
@@ -105,10 +154,20 @@ pub(crate) struct BackgroundTable {
     pub(crate) loudspeakers: Option<i64>,
 }
 
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Kind {
+    #[default]
+    Printed,
+    Led,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TargetTable {
     pub(crate) name: String,
+    #[serde(default)]
+    pub(crate) kind: Kind,
     pub(crate) origin_mm: [f64; 3],
     pub(crate) u: Option<[f64; 3]>,
     pub(crate) v: Option<[f64; 3]>,
@@ -246,6 +305,8 @@ pub(crate) struct SetupTables {
     pub(crate) solver: Option<toml::Table>,
     pub(crate) rest: Option<toml::Table>,
     pub(crate) limits: Option<toml::Table>,
+    pub(crate) capture: Option<toml::Table>,
+    pub(crate) board: Option<toml::Table>,
 }
 
 impl SceneFile {

@@ -56,11 +56,27 @@ pub(crate) const LIGHT: Number = optional("level", "", 0.9, 0.0, 10.0);
 pub(crate) const GRADIENT: Number = optional("gradient", "", 0.0, -2.0, 2.0);
 pub(crate) const VIGNETTING: Number = optional("vignetting", "", 0.0, 0.0, 1.0);
 pub(crate) const CURVE_LEVEL: Number = required("curve", "", 0.0, 10.0);
+pub(crate) const FLICKER_DEPTH: Number = optional("flicker_depth", "", 0.0, 0.0, 1.0);
+pub(crate) const FLICKER: Number = optional("flicker_hz", "Hz", 100.0, 0.1, 10_000.0);
+pub(crate) const FLICKER_PHASE: Number = optional("flicker_phase_deg", "degrees", 0.0, -360.0, 360.0);
 pub(crate) const FALL_START: Number = required("start_s", "s", 0.0, 1e6);
 pub(crate) const FALL_TAKES: Number = optional("fall_s", "s", 0.0, 0.0, 1e6);
 pub(crate) const FALL_END: Number = required("end_s", "s", 0.0, 1e6);
 pub(crate) const FALL_RETURNS: Number = optional("rise_s", "s", 0.0, 0.0, 1e6);
 pub(crate) const FALL_LEVEL: Number = required("level", "", 0.0, 1.0);
+
+// [[sun]] and [[glare]]
+pub(crate) const PATCH_SIZE: Number = required("size_px", "px", 0.0, 20_000.0);
+pub(crate) const PATCH_PATH: Number = required("path", "s and px", -1e6, 1e6);
+pub(crate) const SUN_EDGE: Number = optional("edge_px", "px", 2.0, 0.0, 1000.0);
+pub(crate) const SUN_LEVEL: Number = required("level", "", 0.0, 100.0);
+pub(crate) const GLARE_RADIUS: Number = required("radius_px", "px", 0.5, 5000.0);
+pub(crate) const GLARE_LEVEL: Number = required("level", "of full scale", 0.0, 100.0);
+
+// [lamp]
+pub(crate) const LAMP_LEVEL: Number = optional("level", "of full scale", 0.7, 0.0, 100.0);
+pub(crate) const LAMP_DELAY: Number = optional("delay_ms", "ms", 0.0, -1000.0, 1000.0);
+pub(crate) const LAMP_SWITCHES: Number = required("switches_s", "s", 0.0, 1e6);
 
 // [background]
 pub(crate) const BACKGROUND: Number = optional("level", "", 0.3, 0.0, 1.0);
@@ -78,6 +94,8 @@ pub(crate) const CIRCLE: Number = required("circles_mm", "mm", -10_000.0, 10_000
 pub(crate) const SHEET: Number = required("sheet_mm", "mm", 1.0, 20_000.0);
 pub(crate) const WHITE: Number = optional("white", "", 0.85, 0.0, 1.0);
 pub(crate) const BLACK: Number = optional("black", "", 0.06, 0.0, 1.0);
+/// Of a disc that is not lit.
+pub(crate) const UNLIT: Number = optional("white", "", 0.15, 0.0, 1.0);
 
 // [tolerance]
 pub(crate) const PRINT: Number = optional("print_mm", "mm", 0.0, 0.0, 10.0);

@@ -30,6 +30,8 @@ pub(crate) struct Light {
     pub(crate) curve: Vec<[f64; 2]>,
     /// Falls.
     pub(crate) falls: Vec<Fall>,
+    /// Flicker of what lights the scene: depth as a share of the mean, frequency in Hz, phase in radians.
+    pub(crate) flicker: [f64; 3],
     /// Change from the left to the right edge and from the top to the bottom edge, share of the middle's.
     pub(crate) gradient: [f64; 2],
     /// Loss in the corners, share; grows with the square of the distance from the middle.
@@ -40,6 +42,15 @@ impl Light {
     /// Level in the middle of the picture at a time, seconds.
     pub(crate) fn at(&self, t: f64) -> f64 {
         self.falls.iter().fold(self.level * self.curve_at(t), |level, fall| level * fall.at(t))
+    }
+
+    /// Mean level there over an exposure, seconds: the flicker is averaged, the rest is that of the middle.
+    pub(crate) fn over(&self, from: f64, to: f64) -> f64 {
+        let [depth, hz, phase] = self.flicker;
+        let angle = |t: f64| std::f64::consts::TAU * hz * t + phase;
+        let (middle, half) = (0.5 * (from + to), 0.5 * (angle(to) - angle(from)));
+        let left = if half > 1e-9 { half.sin() / half } else { 1.0 };
+        self.at(middle) * (1.0 + depth * left * angle(middle).sin())
     }
 
     fn curve_at(&self, t: f64) -> f64 {
@@ -67,7 +78,14 @@ mod tests {
     use super::*;
 
     fn light() -> Light {
-        Light { level: 0.8, curve: Vec::new(), falls: Vec::new(), gradient: [0.0; 2], vignetting: 0.0 }
+        Light {
+            level: 0.8,
+            curve: Vec::new(),
+            falls: Vec::new(),
+            flicker: [0.0; 3],
+            gradient: [0.0; 2],
+            vignetting: 0.0,
+        }
     }
 
     #[test]
@@ -79,6 +97,17 @@ mod tests {
         assert!((light.at(1.5) - 0.8 * 0.3).abs() < 1e-12);
         assert!((light.at(2.2) - 0.8 * 0.65).abs() < 1e-12);
         assert!((light.at(9.0) - 0.8).abs() < 1e-12);
+    }
+
+    #[test]
+    fn flicker_is_averaged_over_the_exposure() {
+        let light = Light { flicker: [0.5, 100.0, 0.0], ..light() };
+        // A quarter of a period in: the crest.
+        assert!((light.over(0.0025, 0.0025) - 0.8 * 1.5).abs() < 1e-12);
+        // A whole period.
+        assert!((light.over(0.1, 0.11) - 0.8).abs() < 1e-9);
+        // The half period with the crest: 2 / pi of the depth.
+        assert!((light.over(0.0, 0.005) - 0.8 * (1.0 + 0.5 * 2.0 / std::f64::consts::PI)).abs() < 1e-9);
     }
 
     #[test]

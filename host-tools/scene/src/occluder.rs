@@ -13,17 +13,22 @@ pub(crate) struct Occluder {
     pub(crate) level: f64,
 }
 
+/// Where on a path (seconds, u, v) something is at a time, px; nothing before its first and after its last point.
+pub(crate) fn place(path: &[[f64; 3]], t: f64) -> Option<[f64; 2]> {
+    let (first, last) = (path.first()?, path.last()?);
+    if t < first[0] || t > last[0] {
+        return None;
+    }
+    let after = path.partition_point(|point| point[0] <= t).clamp(1, path.len() - 1);
+    let (a, b) = (&path[after - 1], &path[after]);
+    let share = (t - a[0]) / (b[0] - a[0]);
+    Some([a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])])
+}
+
 impl Occluder {
     /// Its middle at a time, px; nothing when it does not show.
     fn at(&self, t: f64) -> Option<[f64; 2]> {
-        let (first, last) = (self.path.first()?, self.path.last()?);
-        if t < first[0] || t > last[0] {
-            return None;
-        }
-        let after = self.path.partition_point(|point| point[0] <= t).clamp(1, self.path.len() - 1);
-        let (a, b) = (&self.path[after - 1], &self.path[after]);
-        let share = (t - a[0]) / (b[0] - a[0]);
-        Some([a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])])
+        place(&self.path, t)
     }
 
     /// How far it moves between two times at most, px.
@@ -52,8 +57,17 @@ pub(crate) struct OccluderView {
 }
 
 impl OccluderView {
+    /// Hides what shines in one row; `glow` begins at column `left`.
+    pub(crate) fn hide_row(&self, row: i32, left: i32, glow: &mut [f32]) {
+        self.cover_row(row, left, glow, 0.0);
+    }
+
     /// Draws one row; `canvas` begins at column `left`.
     pub(crate) fn draw_row(&self, row: i32, left: i32, canvas: &mut [f32]) {
+        self.cover_row(row, left, canvas, self.level);
+    }
+
+    fn cover_row(&self, row: i32, left: i32, canvas: &mut [f32], level: f64) {
         let rows = |middle: &[f64; 2]| {
             let [from, to] = [middle[1] - self.half[1], middle[1] + self.half[1]];
             self.aperture.interval(f64::from(row), from, to) / self.all
@@ -74,7 +88,7 @@ impl OccluderView {
                 .iter()
                 .map(|(x, rows)| rows * self.aperture.interval(at, x - self.half[0], x + self.half[0]))
                 .sum();
-            *pixel = (f64::from(*pixel) * (1.0 - share) + share * self.level) as f32;
+            *pixel = (f64::from(*pixel) * (1.0 - share) + share * level) as f32;
         }
     }
 }

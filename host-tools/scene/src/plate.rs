@@ -1,4 +1,4 @@
-//! Printed targets: a white sheet with black rings (thesis 3.2), drawn by taking every pixel's ray back to the
+//! Targets: a white sheet with black rings, or a black one with discs that shine (thesis 3.2), drawn by taking every pixel's ray back to the
 //! sheet's plane. Pixels that an edge cuts get the exact share of their light (see `coverage`).
 
 use crate::coverage::Aperture;
@@ -24,8 +24,10 @@ pub(crate) struct Plate {
     pub(crate) radii: [f64; 2],
     /// The sheet: least and greatest u, least and greatest v, mm.
     pub(crate) sheet: [[f64; 2]; 2],
-    /// Reflectance of paper and of ink.
+    /// Reflectance of the sheet and of what is on it.
     pub(crate) reflectance: [f64; 2],
+    /// Its circles are discs that shine; the inner radius is 0.
+    pub(crate) is_lit: bool,
 }
 
 impl Plate {
@@ -70,6 +72,8 @@ impl PixelBox {
 pub(crate) struct View<'a> {
     plate: &'a Plate,
     to_plane: Vec<Mat3>,
+    /// Share of each moment in which its discs shine.
+    lit: Vec<f64>,
     sheet: PixelBox,
     rings: Vec<PixelBox>,
     aperture: Aperture,
@@ -82,6 +86,7 @@ impl<'a> View<'a> {
     pub(crate) fn new(
         plate: &'a Plate,
         poses: &[Pose],
+        lit: &[f64],
         lens: &Lens,
         canvas: &PixelBox,
         aperture: Aperture,
@@ -129,15 +134,17 @@ impl<'a> View<'a> {
         }
         let sheet = PixelBox::around(&outline).cut(canvas);
         let rings = rings.iter().map(|points| PixelBox::around(points).cut(&sheet)).collect();
-        Some(Self { plate, to_plane, sheet, rings, aperture, depth })
+        let lit = if plate.is_lit { lit.to_vec() } else { vec![0.0; poses.len()] };
+        Some(Self { plate, to_plane, lit, sheet, rings, aperture, depth })
     }
 
-    /// Draws one row of pixels: `row` is the picture's row, `canvas` its reflectances from column `left` on.
+    /// Draws one row of pixels: `row` is the picture's row, `canvas` its reflectances from column `left` on, and `glow`,
+    /// where there is one, the share in which a lit disc shines.
     pub(crate) fn draw_row(
         &self,
         row: i32,
         left: i32,
-        canvas: &mut [f32],
+        (canvas, glow): (&mut [f32], Option<&mut [f32]>),
         lens: &Lens,
         scratch: &mut Scratch,
     ) {
@@ -153,7 +160,7 @@ impl<'a> View<'a> {
             near = ray.map_or([0.0, 0.0], |ray| ray.at);
         }
         let moments = 1.0 / self.to_plane.len() as f64;
-        for to_plane in &self.to_plane {
+        for (to_plane, lit) in self.to_plane.iter().zip(&self.lit) {
             for (ray, paper) in scratch.rays.iter().zip(&mut scratch.paper) {
                 if let Some(spot) = Spot::of(ray, to_plane) {
                     *paper += moments * self.paper_share(&spot);
@@ -165,15 +172,24 @@ impl<'a> View<'a> {
                 }
                 let columns = (ring.x[0] - first) as usize..(ring.x[1] - first) as usize;
                 let rays = &scratch.rays[columns.clone()];
-                for (ray, ink) in rays.iter().zip(&mut scratch.ink[columns]) {
+                let shares = scratch.ink[columns.clone()].iter_mut().zip(&mut scratch.shine[columns]);
+                for (ray, (ink, shine)) in rays.iter().zip(shares) {
                     if let Some(spot) = Spot::of(ray, to_plane) {
-                        *ink += moments * self.ink_share(&spot, centre);
+                        let share = moments * self.ink_share(&spot, centre);
+                        *ink += share;
+                        *shine += lit * share;
                     }
                 }
             }
         }
         let [white, black] = self.plate.reflectance;
         let from = (first - left) as usize;
+        if let Some(glow) = glow {
+            let shares = scratch.paper.iter().zip(&scratch.shine);
+            for (pixel, (&paper, &shine)) in glow[from..from + width].iter_mut().zip(shares) {
+                *pixel = (f64::from(*pixel) * (1.0 - paper) + shine) as f32;
+            }
+        }
         let shares = scratch.paper.iter().zip(&scratch.ink);
         for (pixel, (&paper, &ink)) in canvas[from..from + width].iter_mut().zip(shares) {
             let plate = paper * white + ink * (black - white);
@@ -219,7 +235,8 @@ impl<'a> View<'a> {
             }
         };
         let outer = inside(self.plate.radii[0]);
-        if outer > 0.0 { outer - inside(self.plate.radii[1]) } else { 0.0 }
+        let has_hole = outer > 0.0 && self.plate.radii[1] > 0.0;
+        if has_hole { outer - inside(self.plate.radii[1]) } else { outer }
     }
 }
 
@@ -255,13 +272,14 @@ pub(crate) struct Scratch {
     rays: Vec<Option<Ray>>,
     paper: Vec<f64>,
     ink: Vec<f64>,
+    shine: Vec<f64>,
 }
 
 impl Scratch {
     fn reset(&mut self, width: usize) {
         self.rays.clear();
         self.rays.resize(width, None);
-        for shares in [&mut self.paper, &mut self.ink] {
+        for shares in [&mut self.paper, &mut self.ink, &mut self.shine] {
             shares.clear();
             shares.resize(width, 0.0);
         }

@@ -7,6 +7,7 @@ use crate::build::Parts;
 use crate::coverage::Aperture;
 use crate::occluder::OccluderView;
 use crate::optics::Pose;
+use crate::patch::Patches;
 use crate::plate::{PixelBox, Scratch, View};
 use crate::sensor::{blur_row, mix};
 
@@ -42,6 +43,7 @@ struct Shot<'a> {
     views: Vec<View<'a>>,
     occluders: Vec<OccluderView>,
     level: f64,
+    patches: Patches<'a>,
     frame: u32,
 }
 
@@ -103,6 +105,9 @@ impl<'a> Studio<'a> {
         };
         let moments: Vec<f64> =
             (0..count).map(|i| middle + half * ((2 * i + 1) as f64 / count as f64 - 1.0)).collect();
+        // Of each moment's part of the exposure.
+        let part = half / count as f64;
+        let lit: Vec<f64> = moments.iter().map(|t| parts.lamp.lit_share(t - part, t + part)).collect();
         let poses: Vec<Pose> = moments.iter().map(|t| pose_at(parts, *t)).collect();
         let reach = (self.kernel.len() - 1) as i32;
         let canvas =
@@ -111,12 +116,14 @@ impl<'a> Studio<'a> {
             .plates
             .iter()
             .chain(&parts.posters)
-            .filter_map(|plate| View::new(plate, &poses, &parts.lens, &canvas, self.aperture))
+            .filter_map(|plate| View::new(plate, &poses, &lit, &parts.lens, &canvas, self.aperture))
             .collect();
         views.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         let occluders =
             parts.occluders.iter().map(|occluder| occluder.view(&moments, self.aperture)).collect();
-        Shot { views, occluders, level: parts.light.at(middle), frame }
+        let level = parts.light.over(middle - half, middle + half);
+        let patches = Patches::new(&parts.suns, &parts.glares, middle);
+        Shot { views, occluders, level, patches, frame }
     }
 
     /// How far anything moves in the picture over an exposure, px.
@@ -148,6 +155,10 @@ impl<'a> Studio<'a> {
         let mut scratch = Scratch::default();
         let mut line = vec![0.0; canvas_width];
         let mut blurred = vec![0.0; width * (rows + 2 * reach)];
+        let glows = parts.plates.iter().any(|plate| plate.is_lit);
+        let mut glow = vec![0.0; if glows { canvas_width } else { 0 }];
+        let mut blurred_glow = vec![0.0; if glows { blurred.len() } else { 0 }];
+        let mut levels = vec![shot.level; rows + 2 * reach];
         for (i, blurred) in blurred.chunks_exact_mut(width).enumerate() {
             // The canvas begins `reach` rows above the picture.
             let on_canvas = (first + i) * canvas_width;
@@ -155,32 +166,59 @@ impl<'a> Studio<'a> {
             let row = (first + i) as i32 + left;
             let own = (parts.line_time_s != 0.0).then(|| self.shoot_row(shot.frame, row));
             let seen = own.as_ref().unwrap_or(shot);
+            levels[i] = seen.level;
+            glow.fill(0.0);
             for view in &seen.views {
-                view.draw_row(row, left, &mut line, &parts.lens, &mut scratch);
+                let glow = glows.then_some(glow.as_mut_slice());
+                view.draw_row(row, left, (&mut line, glow), &parts.lens, &mut scratch);
             }
             for occluder in &seen.occluders {
                 occluder.draw_row(row, left, &mut line);
+                occluder.hide_row(row, left, &mut glow);
             }
             blur_row(self.kernel, &line, blurred);
+            if glows {
+                blur_row(self.kernel, &glow, &mut blurred_glow[i * width..(i + 1) * width]);
+            }
         }
         let size = parts.size.map(f64::from);
         let mut light = vec![0.0; width];
+        let mut shine = vec![0.0; if glows { width } else { 0 }];
         for i in 0..rows {
-            let at = |row: usize| &blurred[row * width..(row + 1) * width];
-            for (light, value) in light.iter_mut().zip(at(i + reach)) {
-                *light = self.kernel[0] * value;
-            }
-            for (j, weight) in self.kernel.iter().enumerate().skip(1) {
-                let pairs = at(i + reach - j).iter().zip(at(i + reach + j));
-                for (light, (above, below)) in light.iter_mut().zip(pairs) {
-                    *light += weight * (above + below);
+            blur_column(self.kernel, &blurred, i, &mut light);
+            let v = (first + i) as f64;
+            let level = levels[i + reach];
+            for (column, light) in light.iter_mut().enumerate() {
+                let pixel = [column as f64, v];
+                let across = level * parts.light.across(pixel, size);
+                if shot.patches.is_empty() {
+                    *light *= across as f32;
+                } else {
+                    let [on, beside] = shot.patches.at(pixel);
+                    *light = *light * (across + on) as f32 + beside as f32;
                 }
             }
-            let v = (first + i) as f64;
-            for (column, light) in light.iter_mut().enumerate() {
-                *light *= (shot.level * parts.light.across([column as f64, v], size)) as f32;
+            if glows {
+                blur_column(self.kernel, &blurred_glow, i, &mut shine);
+                let lamp = parts.lamp.level as f32;
+                light.iter_mut().zip(&shine).for_each(|(light, shine)| *light += lamp * shine);
             }
             finish(first + i, &mut light);
+        }
+    }
+}
+
+/// Sum of a kernel's terms down the columns about row `i` of a band whose first row is the kernel's reach above it.
+fn blur_column(kernel: &[f32], rows: &[f32], i: usize, out: &mut [f32]) {
+    let (reach, width) = (kernel.len() - 1, out.len());
+    let at = |row: usize| &rows[row * width..(row + 1) * width];
+    for (out, value) in out.iter_mut().zip(at(i + reach)) {
+        *out = kernel[0] * value;
+    }
+    for (j, weight) in kernel.iter().enumerate().skip(1) {
+        let pairs = at(i + reach - j).iter().zip(at(i + reach + j));
+        for (out, (above, below)) in out.iter_mut().zip(pairs) {
+            *out += weight * (above + below);
         }
     }
 }

@@ -71,7 +71,11 @@ fn write_text(
         writeln!(out, "origin_mm = {:?}", plate.origin)?;
         writeln!(out, "u = {:?}\nv = {:?}", plate.axes[0], plate.axes[1])?;
         writeln!(out, "outer_diameter_mm = {:?}", 2.0 * plate.radii[0])?;
-        writeln!(out, "inner_diameter_mm = {:?}", 2.0 * plate.radii[1])?;
+        if plate.is_lit {
+            writeln!(out, "kind = \"led\"")?;
+        } else {
+            writeln!(out, "inner_diameter_mm = {:?}", 2.0 * plate.radii[1])?;
+        }
         let circles: Vec<[f64; 2]> = known.iter().map(|circle| plate.circles[*circle]).collect();
         writeln!(out, "circles_mm = {circles:?}")?;
         if let Some(seeds) = seeds(seen, seen_plate).filter(|_| tables.seeds != Some(false)) {
@@ -85,6 +89,8 @@ fn write_text(
         ("solver", &tables.solver),
         ("rest", &tables.rest),
         ("limits", &tables.limits),
+        ("capture", &tables.capture),
+        ("board", &tables.board),
     ];
     for (name, table) in extra {
         if let Some(table) = table {

@@ -82,7 +82,7 @@ pub fn numbers(pose: &Pose) -> Option<[f32; 13]> {
 
 /// Words of the flags, joined by `|`; bits that this version does not know as `bit9`.
 pub fn flag_words(flags: PoseFlags) -> String {
-    const WORDS: [(PoseFlags, &str); 9] = [
+    const WORDS: [(PoseFlags, &str); 11] = [
         (PoseFlags::WAITING, "waiting"),
         (PoseFlags::FEW_MARKERS, "few-markers"),
         (PoseFlags::NO_SOLUTION, "no-solution"),
@@ -92,6 +92,8 @@ pub fn flag_words(flags: PoseFlags) -> String {
         (PoseFlags::AFTER_GAP, "after-gap"),
         (PoseFlags::CORRUPT, "corrupt"),
         (PoseFlags::SPARSE, "sparse"),
+        (PoseFlags::DARK, "dark"),
+        (PoseFlags::SWITCHED, "switched"),
     ];
     let bits = (0..u16::BITS).filter(|bit| flags.0 >> bit & 1 == 1);
     let words = bits.map(|bit| {

@@ -220,6 +220,7 @@ fn describe_event(event: &Event<'_>, fields: &mut Fields) {
         What::Mark { .. } => "mark",
         What::CommandRefused { .. } => "command-refused",
         What::SetupChanged => "setup-changed",
+        What::ExposureChanged { .. } => "exposure-changed",
     };
     fields.text("what", what);
     match event.what {
@@ -233,6 +234,10 @@ fn describe_event(event: &Event<'_>, fields: &mut Fields) {
         What::LightChanged { percent } => fields.plain("percent", percent),
         What::Mark { text } => fields.text("text", text),
         What::CommandRefused { kind } => fields.text("command", kind_name(kind)),
+        What::ExposureChanged { exposure_us, gain_permille } => {
+            fields.plain("exposure_us", exposure_us);
+            fields.plain("gain_permille", gain_permille);
+        }
         _ => {}
     }
 }
@@ -249,6 +254,7 @@ fn reason_words(reason: gangway_wire::LostReason) -> &'static str {
         Outline => "outline",
         Neighbour => "neighbour",
         Residual => "residual",
+        Unlit => "unlit",
         Other => "other",
     }
 }

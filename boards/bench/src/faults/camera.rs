@@ -1,6 +1,6 @@
 //! A camera that drops, repeats, tears, darkens or delays frames of another.
 
-use gangway_device::{Camera, CameraErrorKind, Frame, Layout};
+use gangway_device::{Camera, CameraErrorKind, Exposure, Frame, Layout};
 
 use super::{CameraFaults, choose};
 use crate::random::Random;
@@ -58,6 +58,10 @@ impl<C: Camera<Error = CameraErrorKind>> FaultyCamera<C> {
 
 impl<C: Camera<Error = CameraErrorKind>> Camera for FaultyCamera<C> {
     type Error = CameraErrorKind;
+
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        self.camera.set_exposure(wanted)
+    }
 
     fn next_frame(&mut self) -> Result<Frame<'_>, CameraErrorKind> {
         if std::mem::take(&mut self.delays) {

@@ -1,5 +1,6 @@
 //! Controls of a camera: everything automatic off, exposure, gain and focus as the setup says, each read back.
 
+use gangway_device::Exposure;
 use gangway_setup::Capture;
 
 /// What a control takes.
@@ -49,15 +50,15 @@ const EXPOSURE_UNIT_US: f64 = 100.0;
 ///
 /// # Errors
 /// One sentence with the control's name and range.
-pub(crate) fn apply(device: &impl Controls, wanted: &Capture) -> Result<u64, String> {
+pub(crate) fn apply(device: &impl Controls, wanted: &Capture, exposure_ms: f64) -> Result<u64, String> {
     for (id, off) in AUTOMATIC {
         if let Some(range) = device.range(id) {
             write(device, id, &range, off)?;
         }
     }
-    let exposure = wanted.exposure_us / EXPOSURE_UNIT_US;
-    if wanted.exposure_us > 0.0 {
-        set(device, &[EXPOSURE_ABSOLUTE], "capture.exposure_us", exposure.max(1.0))?;
+    let exposure = 1e3 * exposure_ms / EXPOSURE_UNIT_US;
+    if exposure_ms > 0.0 {
+        set(device, &[EXPOSURE_ABSOLUTE], "camera.exposure_ms", exposure.max(1.0))?;
     }
     if wanted.gain >= 0.0 {
         set(device, &[GAIN, ANALOGUE_GAIN], "capture.gain", wanted.gain)?;
@@ -68,6 +69,31 @@ pub(crate) fn apply(device: &impl Controls, wanted: &Capture) -> Result<u64, Str
     let is_told = device.range(EXPOSURE_ABSOLUTE).is_some();
     let exposure = if is_told { device.get(EXPOSURE_ABSOLUTE).unwrap_or(0) } else { 0 };
     Ok(u64::try_from(exposure).unwrap_or(0) * (EXPOSURE_UNIT_US * 1e3) as u64)
+}
+
+/// Writes another exposure and gain, each to the nearest that the device takes; gives what it then has, `None` where it
+/// has no control for the exposure. A gain's units are known only where they begin above 0: there that is 1.
+pub(crate) fn expose(device: &impl Controls, wanted: Exposure) -> Option<Exposure> {
+    let nearest = |id: u32, range: &Range, value: f64| -> Option<i64> {
+        let step = i64::try_from(range.step.max(1)).ok()?;
+        let steps = ((value.round() as i64).clamp(range.least, range.greatest) - range.least) / step;
+        let value = range.least + steps * step;
+        if device.get(id) != Ok(value) {
+            device.set(id, value).ok()?;
+        }
+        device.get(id).ok()
+    };
+    let range = device.range(EXPOSURE_ABSOLUTE)?;
+    let units = nearest(EXPOSURE_ABSOLUTE, &range, 1e6 * wanted.time_s / EXPOSURE_UNIT_US)?;
+    let gain = [GAIN, ANALOGUE_GAIN].into_iter().find_map(|id| Some((id, device.range(id)?)));
+    let gain = match gain {
+        Some((id, range)) if range.least > 0 => {
+            let one = range.least as f64;
+            nearest(id, &range, wanted.gain * one)? as f64 / one
+        }
+        _ => 1.0,
+    };
+    Some(Exposure { time_s: units as f64 * EXPOSURE_UNIT_US / 1e6, gain })
 }
 
 /// Sets the first of several controls that the device has.
@@ -130,8 +156,8 @@ mod tests {
     #[test]
     fn everything_automatic_is_off_and_the_exposure_known() {
         let camera = Fake::with(&[EXPOSURE_AUTO, AUTO_GAIN, EXPOSURE_ABSOLUTE, ANALOGUE_GAIN]);
-        let wanted = Capture { exposure_us: 4_000.0, gain: 8.0, ..Capture::default() };
-        assert_eq!(apply(&camera, &wanted), Ok(4_000_000));
+        let wanted = Capture { gain: 8.0, ..Capture::default() };
+        assert_eq!(apply(&camera, &wanted, 4.0), Ok(4_000_000));
         let values = camera.0.borrow();
         assert_eq!((values[&EXPOSURE_AUTO], values[&AUTO_GAIN]), (1, 0));
         assert_eq!((values[&EXPOSURE_ABSOLUTE], values[&ANALOGUE_GAIN]), (40, 8));
@@ -142,11 +168,11 @@ mod tests {
         let camera = Fake::with(&[GAIN]);
         let wanted = |gain: f64| Capture { gain, ..Capture::default() };
         assert_eq!(
-            apply(&camera, &wanted(7.0)).unwrap_err(),
+            apply(&camera, &wanted(7.0), 0.0).unwrap_err(),
             "the control 'Control 980913' is 6 after 7 was written; it takes 0 to 1000 in steps of 2"
         );
         assert_eq!(
-            apply(&camera, &wanted(2_000.0)).unwrap_err(),
+            apply(&camera, &wanted(2_000.0), 0.0).unwrap_err(),
             "the control 'Control 980913' refused 2000 (out of range); it takes 0 to 1000 in steps of 2"
         );
     }
@@ -155,9 +181,18 @@ mod tests {
     fn a_control_that_is_not_there_is_told_with_its_key() {
         let wanted = Capture { focus: 0.0, ..Capture::default() };
         assert_eq!(
-            apply(&Fake::with(&[]), &wanted).unwrap_err(),
+            apply(&Fake::with(&[]), &wanted, 0.0).unwrap_err(),
             "the camera has no control for capture.focus; leave that key out of the setup"
         );
-        assert_eq!(apply(&Fake::with(&[]), &Capture::default()), Ok(0));
+        assert_eq!(apply(&Fake::with(&[]), &Capture::default(), 0.0), Ok(0));
+    }
+
+    #[test]
+    fn an_exposure_is_taken_to_the_devices_own_steps() {
+        let camera = Fake::with(&[EXPOSURE_ABSOLUTE, GAIN]);
+        // 3.3 ms are 33 units of 0.1 ms, and only even ones are taken. The gain begins at 0: its unit is not known.
+        let taken = expose(&camera, Exposure { time_s: 3.3e-3, gain: 4.0 });
+        assert_eq!(taken, Some(Exposure { time_s: 3.2e-3, gain: 1.0 }));
+        assert_eq!(expose(&Fake::with(&[GAIN]), Exposure { time_s: 1e-3, gain: 1.0 }), None);
     }
 }

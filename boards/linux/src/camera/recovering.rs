@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use gangway_device::{Camera, CameraErrorKind, Frame};
+use gangway_device::{Camera, CameraErrorKind, Exposure, Frame};
 
 use super::numbering::Numbering;
 use super::{OpenError, OpenErrorKind, Source, Stamp, Stream, StreamError};
@@ -163,6 +163,12 @@ impl<S: Source> Camera for Recovering<S> {
         let shape = stream.shape();
         Frame::new(stream.picture(), shape.size, shape.stride, shape.layout, number, stamp.time_ns)
             .map_err(|_| CameraErrorKind::Corrupt)
+    }
+
+    /// A device that is opened again begins as the setup says.
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        let stream = self.stream.as_mut()?;
+        catch_unwind(AssertUnwindSafe(|| stream.set_exposure(wanted))).ok().flatten()
     }
 }
 

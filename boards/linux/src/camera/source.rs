@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use gangway_device::Layout;
+use gangway_device::{Exposure, Layout};
 
 use super::Stamp;
 
@@ -31,6 +31,12 @@ pub trait Stream {
 
     /// Size and layout of every picture.
     fn shape(&self) -> Shape;
+
+    /// Tells the device another exposure; gives what it took, `None` where it takes none.
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        let _ = wanted;
+        None
+    }
 }
 
 /// How pictures lie in their bytes.

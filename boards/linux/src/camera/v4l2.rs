@@ -6,7 +6,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Duration;
 
-use gangway_setup::{Capture, SampleFormat};
+use gangway_device::Exposure;
+use gangway_setup::{Camera as CameraSettings, Capture, SampleFormat};
 use v4l::buffer::{Flags, Type};
 use v4l::capability::Flags as Capability;
 use v4l::control::{Control, Value};
@@ -32,7 +33,7 @@ const RATE_TOLERANCE: f64 = 0.01;
 #[derive(Debug)]
 pub struct V4l2 {
     capture: Capture,
-    line_time_us: f64,
+    camera: CameraSettings,
     size: (u16, u16),
     rate_hz: f64,
     notices: Notices,
@@ -42,12 +43,12 @@ impl V4l2 {
     /// A camera that is to give pictures of this size at this rate; remarks go to `notices`.
     pub fn new(
         capture: Capture,
-        line_time_us: f64,
+        camera: CameraSettings,
         size: (u16, u16),
         rate_hz: f64,
         notices: Notices,
     ) -> Self {
-        Self { capture, line_time_us, size, rate_hz, notices }
+        Self { capture, camera, size, rate_hz, notices }
     }
 
     /// The first format that the device takes in the size and at the rate of the setup.
@@ -155,16 +156,17 @@ impl Source for V4l2 {
         if format.is_mosaic() {
             self.notices.mark("the camera's Bayer mosaic is taken as grey");
         }
-        let exposure_ns = controls::apply(&Driver(&device), &self.capture)
+        let exposure_ns = controls::apply(&Driver(&device), &self.capture, self.camera.exposure_ms)
             .map_err(|why| OpenError::unfit(format!("{name}: {why}")))?;
         let lines = f64::from(self.size.1) - 1.0;
-        let readout_ns = (lines * self.line_time_us.abs() * 1e3).round() as u64;
+        let readout_ns = (lines * self.camera.line_time_us.abs() * 1e3).round() as u64;
         let row = format.layout.row_bytes(self.size.0).unwrap_or(usize::from(self.size.0));
         let shape = Shape { size: self.size, stride: (set.stride as usize).max(row), layout: format.layout };
         let mapped = Mapped::with_buffers(&device, Type::VideoCapture, u32::from(self.capture.buffers))
             .map_err(|error| failed(&name, &error))?;
         Ok(V4l2Stream {
             mapped: Some(mapped),
+            device,
             shape,
             format,
             shutter: Shutter { exposure_ns, readout_ns },
@@ -224,6 +226,8 @@ impl Controls for Driver<'_> {
 pub struct V4l2Stream {
     /// `None` only while it is dropped.
     mapped: Option<Mapped<'static>>,
+    /// For its controls.
+    device: Device,
     shape: Shape,
     format: PixelFormat,
     shutter: Shutter,
@@ -291,6 +295,13 @@ impl Stream for V4l2Stream {
     fn shape(&self) -> Shape {
         self.shape
     }
+
+    fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
+        let taken = controls::expose(&Driver(&self.device), wanted)?;
+        // Times of the frames until it shows are off by half the difference.
+        self.shutter.exposure_ns = (taken.time_s * 1e9).round() as u64;
+        Some(taken)
+    }
 }
 
 impl Drop for V4l2Stream {
@@ -321,7 +332,10 @@ mod tests {
     fn open(device: &str) -> OpenError {
         let capture = Capture { device: device.into(), ..Capture::default() };
         let notices = Notices::channel().0;
-        V4l2::new(capture, 0.0, (640, 480), 50.0, notices).open().err().expect("no camera there")
+        V4l2::new(capture, CameraSettings::default(), (640, 480), 50.0, notices)
+            .open()
+            .err()
+            .expect("no camera there")
     }
 
     #[test]

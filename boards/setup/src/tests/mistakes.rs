@@ -93,7 +93,17 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "# kind = \"printed\"",
             "kind = \"led\"",
-            "41: target[0].kind is \"led\"; lit targets are not measured yet, it must be \"printed\"",
+            "25: target[0].inner_diameter_mm is 21; a disc has no inner edge, leave it out",
+        ),
+        (
+            "# lamps = \"on\"",
+            "lamps = \"alternate\"",
+            "134: board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms",
+        ),
+        (
+            "# exposure = \"fixed\"",
+            "exposure = \"auto\"",
+            "126: capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms",
         ),
         (
             "# kind = \"printed\"",
@@ -200,6 +210,27 @@ fn every_kind_of_mistake_has_its_sentence() {
             assert_eq!(said, expected);
         }
     }
+}
+
+#[test]
+fn lamps_that_alternate_need_a_gap_between_two_exposures() {
+    let text = |exposure: &str, line_time: &str| {
+        with("# lamps = \"on\"", "lamps = \"alternate\"")
+            .replace("# exposure_ms = 0.0", exposure)
+            .replace("# line_time_us = 0.0", line_time)
+    };
+    assert_eq!(said(&text("exposure_ms = 18.9", "")), "good");
+    assert_eq!(
+        said(&text("exposure_ms = 19.0", "")),
+        "ride.toml:134: board.lamps is \"alternate\", but camera.exposure_ms is 19; it must be below 19.00 ms, so that 1 \
+         ms are left between two exposures"
+    );
+    assert_eq!(said(&text("exposure_ms = 3.0", "line_time_us = 14.0")), "good");
+    assert_eq!(
+        said(&text("exposure_ms = 3.0", "line_time_us = 18.0")),
+        "ride.toml:134: board.lamps is \"alternate\", but the rows of a frame take 19.4 of its 20.0 ms; 1 ms must be left \
+         between two exposures: take fewer frames a second or \"on\""
+    );
 }
 
 #[test]

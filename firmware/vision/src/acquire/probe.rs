@@ -8,7 +8,7 @@ use crate::acquire::row::Pattern;
 use crate::loader;
 
 /// Directions of the lines through the centre, as steps of pixels.
-const LINES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
+pub(super) const LINES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
 /// Largest relative difference of the squared sizes along the two pairs of lines across each other: on an ellipse there
 /// is none.
 const UNEVEN: f64 = 0.25;
@@ -47,7 +47,8 @@ pub(crate) fn ring(frame: &Frame, pattern: &Pattern, y: u16, ratios: [f64; 2]) -
             Chords { middles: found.middles.map(|m| m * length), halves: found.halves.map(|h| h * length) };
     }
     let (form, ratio) = ellipse(&all, ratios)?;
-    let centre = centre(&all, &form)?;
+    let middles = all.map(|chords| 0.5 * (chords.middles[0] + chords.middles[1]));
+    let centre = centre(&middles, &form)?;
     let determinant = form[0] * form[2] - form[1] * form[1];
     // The form is the inverse of four times the second moments.
     let shape = [form[2], -form[1], form[0]].map(|m| 0.25 * m / determinant);
@@ -112,7 +113,14 @@ fn ellipse(all: &[Chords; LINES.len()], allowed: [f64; 2]) -> Option<([f64; 3], 
     if !(least >= allowed[0] && most <= allowed[1] && most <= RATIO_SPREAD * least) {
         return None;
     }
-    let [u, v, down, up] = all.map(|chords| 1.0 / (chords.halves[1] * chords.halves[1]));
+    let form = form_of(&all.map(|chords| chords.halves[1]))?;
+    Some((form, 0.25 * ratios.iter().sum::<f64>()))
+}
+
+/// The quadratic form of the ellipse with these halves of chords through its middle along the lines, (uu, uv, vv) in
+/// 1/px^2, if there is one.
+pub(super) fn form_of(halves: &[f64; LINES.len()]) -> Option<[f64; 3]> {
+    let [u, v, down, up] = halves.map(|half| 1.0 / (half * half));
     let (straight, diagonal) = (u + v, down + up);
     let size = libm::sqrt(straight);
     let allowed = UNEVEN.min(2.0 * EDGE_PX * size + 0.06);
@@ -123,19 +131,18 @@ fn ellipse(all: &[Chords; LINES.len()], allowed: [f64; 2]) -> Option<([f64; 3], 
     let scale = 0.5 * (straight + diagonal) / straight;
     let form = [scale * u, 0.5 * (down - up), scale * v];
     let positive = form[0] * form[2] > form[1] * form[1];
-    positive.then_some((form, 0.25 * ratios.iter().sum::<f64>()))
+    positive.then_some(form)
 }
 
-/// The centre, relative to where the lines cross: on each line the middle of both chords is where it comes nearest to
+/// The centre, relative to where the lines cross: on each line the middle of the chords is where it comes nearest to
 /// it, as the ellipse measures. Least squares over the lines.
-fn centre(all: &[Chords; LINES.len()], form: &[f64; 3]) -> Option<[f64; 2]> {
+pub(super) fn centre(middles: &[f64; LINES.len()], form: &[f64; 3]) -> Option<[f64; 2]> {
     let (mut a, mut b) = ([0.0; 3], [0.0; 2]);
-    for (chords, line) in all.iter().zip(LINES) {
+    for (middle, line) in middles.iter().zip(LINES) {
         let length = libm::sqrt(f64::from(line[0] * line[0] + line[1] * line[1]));
         let n = line.map(|c| f64::from(c) / length);
         let across = [form[0] * n[0] + form[1] * n[1], form[1] * n[0] + form[2] * n[1]];
         let scale = across[0] * n[0] + across[1] * n[1];
-        let middle = 0.5 * (chords.middles[0] + chords.middles[1]);
         let row = across.map(|c| c / scale);
         a = [a[0] + row[0] * row[0], a[1] + row[0] * row[1], a[2] + row[1] * row[1]];
         b = [b[0] + row[0] * middle, b[1] + row[1] * middle];
@@ -147,6 +154,6 @@ fn centre(all: &[Chords; LINES.len()], form: &[f64; 3]) -> Option<[f64; 2]> {
 
 /// Top 8 bits of a sample; `None` outside the picture.
 #[inline(always)]
-fn sample(frame: &Frame, [x, y]: [i32; 2]) -> Option<u8> {
+pub(super) fn sample(frame: &Frame, [x, y]: [i32; 2]) -> Option<u8> {
     loader::top(frame, u16::try_from(x).ok()?, u16::try_from(y).ok()?)
 }

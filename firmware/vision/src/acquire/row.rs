@@ -22,20 +22,33 @@ const THINNEST: u32 = 2;
 /// Widths of a ring in a row, off the middle too, px.
 const WIDTHS_PX: [u32; 2] = [(0.8 * DIAMETERS_PX[0]) as u32, (1.3 * DIAMETERS_PX[1]) as u32];
 
+/// Widths of a disc in a row, off the middle too, px.
+const DISC_WIDTHS_PX: [u32; 2] = [4, WIDTHS_PX[1]];
+
+/// What a pattern could be of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shape {
+    Ring,
+    Disc,
+}
+
 /// What is asked of a pattern.
 pub(crate) struct Limits {
+    /// Bright runs on dark are looked at as well.
+    discs: bool,
     /// Least difference between black and white.
     contrast: u8,
     /// Least and greatest white between the blacks, over both of them, in 64ths.
     middle: [u32; 2],
 }
 
-/// Black, white and black as through a ring.
+/// Black, white and black as through a ring, or white as through a disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pattern {
+    pub(crate) shape: Shape,
     /// Column of its middle.
     pub(crate) middle: u16,
-    /// From its first black to its last, px.
+    /// From its first black to its last, or the width of its white, px.
     pub(crate) width: u16,
     /// White minus black.
     contrast: u8,
@@ -119,6 +132,14 @@ impl Row {
                 {
                     found(pattern);
                 }
+                // From white to black: the end of a disc.
+                if limits.discs
+                    && dark >> bit & 1 == 1
+                    && let Some(pattern) = disc_pattern(&self.samples, &edges)
+                    && pattern.contrast >= limits.contrast
+                {
+                    found(pattern);
+                }
             }
         }
         count
@@ -183,17 +204,43 @@ fn pattern(samples: &[u8; MAX_WIDTH], edges: &[u32; 4]) -> Option<Pattern> {
     let white = *samples.get(middle)?;
     let contrast = white.saturating_sub(black);
     let threshold = black.midpoint(white).saturating_add(1);
-    Some(Pattern { middle: middle as u16, width: (d - a) as u16, contrast, threshold })
+    Some(Pattern { shape: Shape::Ring, middle: middle as u16, width: (d - a) as u16, contrast, threshold })
+}
+
+/// The white run that has just ended, with as much dark on either side as half its width.
+fn disc_pattern(samples: &[u8; MAX_WIDTH], edges: &[u32; 4]) -> Option<Pattern> {
+    let [from, to] = [edges[2], edges[3]];
+    let width = to.checked_sub(from)?;
+    if !(DISC_WIDTHS_PX[0]..=DISC_WIDTHS_PX[1]).contains(&width) {
+        return None;
+    }
+    let beyond = width / 2 + 2;
+    let middle = (from + to - 1) / 2;
+    let white = *samples.get(middle as usize)?;
+    let left = *samples.get(from.checked_sub(beyond)? as usize)?;
+    let black = left.max(*samples.get((to + beyond) as usize)?);
+    let contrast = white.saturating_sub(black);
+    let threshold = black.midpoint(white).saturating_add(1);
+    Some(Pattern { shape: Shape::Disc, middle: middle as u16, width: width as u16, contrast, threshold })
 }
 
 impl Limits {
+    /// Lets discs pass as well.
+    pub(crate) fn take_discs(&mut self) {
+        self.discs = true;
+    }
+
     /// Limits for rings whose outer to inner diameter is from `ratios[0]` to `ratios[1]`, contrast as a share of full
     /// scale.
     pub(crate) fn new(min_contrast: f64, ratios: [f64; 2]) -> Self {
         // White between the blacks over both of them: 1 / (ratio - 1) in the middle, down to about a third of it where
         // the row nearly misses the inner disc.
         let middle = [0.35 / (ratios[1] - 1.0), 1.35 / (ratios[0] - 1.0)];
-        Self { contrast: (min_contrast * 255.0).min(255.0) as u8, middle: middle.map(|m| (m * 64.0) as u32) }
+        Self {
+            discs: false,
+            contrast: (min_contrast * 255.0).min(255.0) as u8,
+            middle: middle.map(|m| (m * 64.0) as u32),
+        }
     }
 
     /// Whether a row that changes at these four places, from white to black first, can run through a ring. Ellipses

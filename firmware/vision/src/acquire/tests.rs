@@ -50,6 +50,46 @@ fn every_ring_of_12_to_64_px_is_found_once_and_measured() {
 }
 
 #[test]
+fn discs_of_6_to_64_px_are_found_in_darkness_and_beside_rings() {
+    let diameters = [6.0, 9.0, 14.0, 22.0, 40.0, 64.0];
+    for (dark, ratios) in [(0.0, [f64::INFINITY, 0.0]), (0.05, [f64::INFINITY, 0.0]), (0.05, [2.0; 2])] {
+        let mut random = Random::new(21);
+        let mut picture = Picture::new(170 * diameters.len(), 200, dark);
+        let centres: Vec<[f64; 2]> = (0..diameters.len())
+            .map(|i| [170.0 * i as f64 + random.between(80.0, 90.0), random.between(95.0, 105.0)])
+            .collect();
+        for (centre, diameter) in centres.iter().zip(&diameters) {
+            picture.disc(*centre, *diameter, 0.6);
+        }
+        // The white in the middle of a ring on white is no disc of a target.
+        picture.cover(0.8, |x, y| x > 1000.0 && y < 50.0);
+        picture.blur(0.7);
+        picture.noise(0.004, &mut random);
+        let bytes = picture.bytes(Layout::GREY);
+        let mut acquisition = Box::new(Acquisition::new(&Settings::default(), ratios).with_discs());
+        assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut u32::MAX.clone()));
+        let found = acquisition.sightings();
+        assert_eq!(found.len(), diameters.len(), "{found:?}");
+        for (centre, diameter) in centres.iter().zip(diameters) {
+            let off = |disc: &&Sighting| (disc.at[0] - centre[0]).hypot(disc.at[1] - centre[1]);
+            let disc = found.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
+            assert!(off(&disc) < 0.3, "{diameter} px: {} px off", off(&disc));
+            assert!((disc.diameter_px() / diameter - 1.0).abs() < 0.15, "{diameter}: {disc:?}");
+        }
+    }
+}
+
+#[test]
+fn the_white_within_a_ring_is_no_disc() {
+    let (picture, _) = rings(&[16.0, 30.0, 50.0], &mut Random::new(3));
+    let bytes = picture.bytes(Layout::GREY);
+    let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]).with_discs());
+    assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut u32::MAX.clone()));
+    assert!(acquisition.sightings().iter().all(|ring| ring.ratio < 3.0), "{:?}", acquisition.sightings());
+    assert_eq!(acquisition.sightings().len(), 3);
+}
+
+#[test]
 fn a_slanted_ring_is_measured_as_an_ellipse() {
     let mut picture = Picture::new(96, 96, 0.8);
     // Axes 40 and 30 px, turned by 30 degrees.

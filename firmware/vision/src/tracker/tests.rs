@@ -6,6 +6,8 @@ use std::vec::Vec;
 
 use gangway_device::Layout;
 
+mod discs;
+
 use super::*;
 use crate::synthetic::{Picture, Random};
 

@@ -228,6 +228,39 @@ fn every_event() {
 }
 
 #[test]
+fn lamps_and_exposure() {
+    let dark = Pose {
+        frame: 7,
+        time_ns: 3,
+        flags: PoseFlags::FEW_MARKERS | PoseFlags::DARK | PoseFlags::SWITCHED,
+        markers: 0,
+        motion: None,
+    };
+    let fields: &[&[u8]] = &[
+        &[7],                      // frame
+        &[3, 0, 0, 0, 0, 0, 0, 0], // time
+        &[0x82, 0x0C],             // flags: bits 1, 9 and 10, 1538 = 2 + 12 * 128
+        &[0],                      // circles used
+        &[0],                      // no motion
+    ];
+    check(&Record::Pose(dark), 42, 4, fields, 0x75D3_6E95);
+    let events: [(What, &[u8], u32); 2] = [
+        (What::MarkerLost { circle: 2, reason: LostReason::Unlit }, &[3, 2, 9], 0xB506_69E8),
+        // 4,000 us and a gain of 2.5.
+        (
+            What::ExposureChanged { exposure_us: 4000, gain_permille: 2500 },
+            &[19, 0xA0, 0x1F, 0xC4, 0x13],
+            0xB655_6B28,
+        ),
+    ];
+    for (sequence, (what, fields, checksum)) in (43..).zip(events) {
+        let record = Record::Event(Event { frame: 300, time_ns: 1 << 32, what });
+        check(&record, sequence, 6, &[EVENT_START, fields], checksum);
+        assert_eq!(what.number(), fields[0]);
+    }
+}
+
+#[test]
 fn health() {
     let mut loop_time = [0; LOOP_TIME_BUCKETS];
     (loop_time[1], loop_time[11], loop_time[15]) = (1, 49, 200);
@@ -313,8 +346,8 @@ fn set_rest_and_mark() {
 #[test]
 fn the_golden_capture_is_read_to_its_end() {
     let (found, counts) = crate::capture::decode(CAPTURE, || 11);
-    assert_eq!(counts, Counts { records: 42, ..Counts::default() });
-    assert_eq!(found.len(), 42);
+    assert_eq!(counts, Counts { records: 45, ..Counts::default() });
+    assert_eq!(found.len(), 45);
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn an_unknown_kind_is_skipped_and_counted_apart() {
 
 #[test]
 fn an_unknown_event_is_skipped_and_counted_apart() {
-    for number in [0, 19, 200, 255] {
+    for number in [0, 99, 200, 255] {
         let line = framed(kind::EVENT, &event(number, &[1, 2, 3]));
         let mut decoder = Decoder::new();
         assert!(matches!(decoder.feed(&line).0, Some(Decoded::Newer { kind: kind::EVENT, .. })));
