@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use e2e::guest::{self, Guest};
 use e2e::{Ride, bench, gangway};
 use gangway_scene::Scene;
-use gangway_wire::{Decoded, Decoder, Record, What};
+use gangway_wire::{Decoded, Decoder, Histogram, Latency, Record, What};
 
 /// Frames a second that the emulation keeps up with on two cores, with room for a machine that does other things.
 const RATE_HZ: u32 = 4;
@@ -54,6 +54,8 @@ struct Said {
     /// Frames that an event says are missing.
     missed: u32,
     damaged: u64,
+    /// All latencies of the health records.
+    latency: Latency,
 }
 
 impl Said {
@@ -80,6 +82,11 @@ impl Said {
                         said.missed += count;
                     }
                     said.events.push((event.frame, format!("{:?}", event.what)));
+                }
+                Record::Health(health) => {
+                    let Latency { wake_up, exposure_to_line } = health.latency.unwrap_or_default();
+                    said.latency.wake_up.merge(&wake_up);
+                    said.latency.exposure_to_line.merge(&exposure_to_line);
                 }
                 _ => {}
             }
@@ -232,6 +239,16 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     let measured = said.poses.range(first..=last).count();
     println!("{measured} of {} frames of the ride measured, the others told missing", show.ride.frames.len());
     assert!(said.has("RestSet") && said.has("Ended"), "{:?}", said.events);
+    let told = |what: &str, times: &Histogram| {
+        println!("{what}: {:?}, at most {:.1} ms", times.counts, f64::from(times.longest_ns) / 1e6);
+        times.total() as usize
+    };
+    let woken = told("frame complete to loop", &said.latency.wake_up);
+    let handed = told("exposure to line", &said.latency.exposure_to_line);
+    // Not those of the last second, which no health record tells any more, with half a second until the loop is told.
+    let least = said.poses.len() - 2 * RATE_HZ as usize;
+    assert!((least..=said.poses.len()).contains(&woken), "{woken} frames of {}", said.poses.len());
+    assert!((least..=said.poses.len()).contains(&handed), "{handed} poses of {}", said.poses.len());
     // A machine that does many other things may lose some; most of the ride must be there to prove anything.
     assert!(measured * 10 >= show.ride.frames.len() * 8, "{measured} frames of the ride");
 

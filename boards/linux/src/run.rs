@@ -12,7 +12,7 @@ use gangway_link::{Carried, Courier, IDLE, Line};
 use gangway_setup::Board as BoardSettings;
 
 use crate::notice::{Notice, Notices};
-use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, realtime, signals};
+use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, clock, realtime, signals};
 
 /// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
 pub const FRAME_STACK: usize = 512 << 10;
@@ -156,7 +156,7 @@ where
     let readings = vitals.clone();
     readings.refresh();
     let (worked, carried) = thread::scope(|scope| {
-        let courier = Courier::new(taken, given, line).thinning();
+        let courier = Courier::new(taken, given, line).thinning().timing(clock::monotonic_ns);
         let done = &is_done;
         let link = thread::Builder::new().name("link".into()).stack_size(LINK_STACK).spawn_scoped(
             scope,

@@ -67,6 +67,7 @@ pub struct Frame<'a> {
     layout: Layout,
     number: u32,
     time_ns: u64,
+    complete_ns: Option<u64>,
 }
 
 impl<'a> Frame<'a> {
@@ -92,7 +93,12 @@ impl<'a> Frame<'a> {
         if needed.is_none_or(|needed| bytes.len() < needed) {
             return Err(FrameError::Short);
         }
-        Ok(Self { bytes, width, height, stride, layout, number, time_ns })
+        Ok(Self { bytes, width, height, stride, layout, number, time_ns, complete_ns: None })
+    }
+
+    /// The same frame with the monotonic clock at the end of its readout, ns, where the source knows it.
+    pub fn complete_at(self, complete_ns: Option<u64>) -> Self {
+        Self { complete_ns, ..self }
     }
 
     /// Width in samples.
@@ -118,6 +124,11 @@ impl<'a> Frame<'a> {
     /// Monotonic clock at mid-exposure, ns.
     pub fn time_ns(&self) -> u64 {
         self.time_ns
+    }
+
+    /// Monotonic clock at the end of its readout, ns: from then on it could be taken. `None` where that is not known.
+    pub fn complete_ns(&self) -> Option<u64> {
+        self.complete_ns
     }
 
     /// The bytes of row `y`, from its first sample's first byte on; `None` below the picture.

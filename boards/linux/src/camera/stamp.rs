@@ -28,6 +28,8 @@ pub struct Stamp {
     pub sequence: u32,
     /// Monotonic clock at the middle of the middle line's exposure, ns.
     pub time_ns: u64,
+    /// Monotonic clock at the end of the readout, ns; `None` where the device does not tell it.
+    pub complete_ns: Option<u64>,
     /// Where that time comes from.
     pub source: TimeSource,
     /// The device says that the picture is damaged.
@@ -41,6 +43,18 @@ impl Shutter {
         match source {
             TimeSource::StartOfExposure => noted_ns.saturating_add(half),
             TimeSource::EndOfFrame | TimeSource::Arrival => noted_ns.saturating_sub(half),
+        }
+    }
+
+    /// The end of the readout, ns: not known from a start without the exposure, nor from the arrival.
+    pub fn end(&self, source: TimeSource, noted_ns: u64) -> Option<u64> {
+        match source {
+            TimeSource::StartOfExposure if self.exposure_ns == 0 => None,
+            TimeSource::StartOfExposure => {
+                Some(noted_ns.saturating_add(self.exposure_ns).saturating_add(self.readout_ns))
+            }
+            TimeSource::EndOfFrame => Some(noted_ns),
+            TimeSource::Arrival => None,
         }
     }
 }
@@ -69,6 +83,10 @@ mod tests {
         let shutter = Shutter { exposure_ns: 4_000, readout_ns: 6_000 };
         assert_eq!(shutter.middle(TimeSource::StartOfExposure, 100_000), 105_000);
         assert_eq!(shutter.middle(TimeSource::EndOfFrame, 110_000), 105_000);
+        assert_eq!(shutter.end(TimeSource::StartOfExposure, 100_000), Some(110_000));
+        assert_eq!(shutter.end(TimeSource::EndOfFrame, 110_000), Some(110_000));
+        assert_eq!(shutter.end(TimeSource::Arrival, 110_000), None);
+        assert_eq!(Shutter { exposure_ns: 0, ..shutter }.end(TimeSource::StartOfExposure, 1), None);
     }
 
     #[test]
