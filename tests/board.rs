@@ -403,6 +403,31 @@ fn records_come_over_the_uart_too() {
 
 #[test]
 #[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn a_frame_costs_the_box_no_page_fault_and_no_allocation() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let show = Show::new("");
+    let port = free_port();
+    let receiver = Receiver::start(folder.path(), &format!("tcp-listen://127.0.0.1:{port}"));
+    let job = job(&format!("tcp-connect://10.0.2.2:{port}")).replace("gangway-pi ", "gangway-pi-counting ")
+        + "read go; touch /tmp/go
+        read go; rm /tmp/go
+        kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"";
+    let mut board = show.boot(&job);
+    receiver.wait_for(12);
+    board.go();
+    // Counted from the 64th frame on, and page faults every 64 frames.
+    receiver.wait_for(3 * 64);
+    board.go();
+    let told = board.expect(" in the loop; to ");
+    board.expect("board: box ended with 0");
+    board.wait();
+    println!("{told}");
+    assert!(told.contains("; 0 page faults and 0 allocations in the loop"), "{told}");
+    receiver.end().1.assert_accounted();
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
 fn a_box_at_1080p_stays_within_its_memory() {
     let mut setup = Show::new("").setup;
     for (from, to) in [("width_px = 800", "width_px = 1920"), ("height_px = 450", "height_px = 1080")] {

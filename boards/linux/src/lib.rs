@@ -9,6 +9,7 @@
 //!
 //! [`run`](run::run) is the whole box but for its pins, which a board brings along.
 
+mod allocations;
 pub mod camera;
 mod clock;
 mod lamp;
@@ -19,6 +20,7 @@ mod signals;
 mod vitals;
 mod watchdog;
 
+pub use allocations::{Counting, allocations};
 pub use clock::SystemClock;
 pub use lamp::{GpioLamp, LampError};
 pub use notice::{Notice, Notices};

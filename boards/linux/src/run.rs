@@ -12,7 +12,7 @@ use gangway_link::{Carried, Courier, IDLE, Line};
 use gangway_setup::Board as BoardSettings;
 
 use crate::notice::{Notice, Notices};
-use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, clock, realtime, signals};
+use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, allocations, clock, realtime, signals};
 
 /// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
 pub const FRAME_STACK: usize = 512 << 10;
@@ -71,6 +71,8 @@ pub struct Summary {
     pub unsent: u64,
     /// Page faults of the frame thread after its first frames.
     pub page_faults: i64,
+    /// Calls of the allocator while frames were worked on, after the first ones; `None` where nobody counts.
+    pub allocations: Option<u64>,
     /// What the link carried.
     pub carried: Carried,
 }
@@ -142,7 +144,7 @@ where
         mut lamps,
         line,
         vitals,
-        mut watchdog,
+        watchdog,
         board,
         next,
         signals,
@@ -176,17 +178,11 @@ where
                     lamps: &mut lamps,
                 };
                 let _end = End { done, signals };
-                work(
-                    &mut engine,
+                let engine = &mut engine;
+                Frames { engine, watchdog, board, next, signals, status, notices }.work(
                     &mut hardware,
                     &mut inbox,
                     &mut outbox,
-                    &mut watchdog,
-                    &board,
-                    next,
-                    signals,
-                    status,
-                    &notices,
                 )
             });
         let _end = StopOnPanic(signals);
@@ -245,68 +241,101 @@ impl Drop for StopOnPanic<'_> {
     }
 }
 
-/// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
-#[allow(
-    clippy::too_many_arguments,
-    reason = "each belongs to another owner, and only the loop meets them all"
-)]
-fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
-    engine: &mut Box<Engine>,
-    hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,
-    inbox: &mut InboxConsumer<'_>,
-    outbox: &mut OutboxProducer<'_>,
-    watchdog: &mut Watchdog,
-    board: &BoardSettings,
-    next: &Next,
-    signals: &Signals,
-    status: &Status,
-    notices: &Notices,
-) -> Summary {
-    let core = (board.core >= 0.0).then_some(board.core as usize);
-    for refusal in realtime::enter(board.realtime_priority, core) {
-        notices.mark(refusal.split(';').next().unwrap_or_default());
-        notices.log(refusal);
-    }
-    watchdog.ready();
-    let mut summary = Summary::default();
-    let mut faults = Faults::start();
-    while !signals.stops() {
-        if let Some(mut next) = next.take() {
-            next.succeed(engine, outbox);
-            *engine = next;
-            notices.log("the new setup is taken over".to_owned());
+/// The frame thread: what its loop works on beside the hardware and the queues.
+struct Frames<'f> {
+    engine: &'f mut Box<Engine>,
+    watchdog: Watchdog,
+    board: BoardSettings,
+    next: &'f Next,
+    signals: &'f Signals,
+    status: &'f Status,
+    notices: Notices,
+}
+
+impl Frames<'_> {
+    /// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
+    fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
+        mut self,
+        hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,
+        inbox: &mut InboxConsumer<'_>,
+        outbox: &mut OutboxProducer<'_>,
+    ) -> Summary {
+        let core = (self.board.core >= 0.0).then_some(self.board.core as usize);
+        for refusal in realtime::enter(self.board.realtime_priority, core) {
+            self.notices.mark(refusal.split(';').next().unwrap_or_default());
+            self.notices.log(refusal);
         }
-        let step = engine.step(hardware, inbox, outbox);
-        watchdog.feed();
-        match step {
-            Step::Measured => status.set(State::Measuring),
-            Step::Unmeasured => status.set(State::Waiting),
-            Step::Repeated => {}
-            Step::NoFrame(CameraErrorKind::Ended) => break,
-            Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
-                summary.losses += 1;
-                status.set(State::Fault);
-                continue;
+        self.watchdog.ready();
+        let mut summary = Summary::default();
+        let mut costs = Costs::default();
+        while !self.signals.stops() {
+            if let Some(mut next) = self.next.take() {
+                next.succeed(self.engine, outbox);
+                *self.engine = next;
+                self.notices.log("the new setup is taken over".to_owned());
             }
-            Step::NoFrame(_) => continue,
+            let before = allocations();
+            let step = self.engine.step(hardware, inbox, outbox);
+            let asked = allocations().zip(before).map(|(after, before)| after - before);
+            self.watchdog.feed();
+            match step {
+                Step::Measured => self.status.set(State::Measuring),
+                Step::Unmeasured => self.status.set(State::Waiting),
+                Step::Repeated => {}
+                Step::NoFrame(CameraErrorKind::Ended) => break,
+                Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
+                    summary.losses += 1;
+                    self.status.set(State::Fault);
+                    continue;
+                }
+                Step::NoFrame(_) => continue,
+            }
+            summary.frames += 1;
+            summary.poses += u64::from(step == Step::Measured);
+            costs.note(summary.frames, asked, &self.notices);
         }
-        summary.frames += 1;
-        summary.poses += u64::from(step == Step::Measured);
-        if summary.frames == LOOK {
-            // What the first frames touched for the first time was no trouble.
-            faults = Faults::start();
-        } else if summary.frames % LOOK == 0 {
+        self.watchdog.stopping();
+        self.engine.end(hardware.lamps, outbox);
+        summary.lost = u64::from(self.engine.records_lost());
+        (summary.page_faults, summary.allocations) = (costs.page_faults, costs.allocations);
+        summary
+    }
+}
+
+/// What frames must not cost: page faults and allocations.
+#[derive(Default)]
+struct Costs {
+    faults: Option<Faults>,
+    page_faults: i64,
+    allocations: Option<u64>,
+}
+
+impl Costs {
+    /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What the first
+    /// frames touch for the first time is no trouble; the first trouble is told in the records.
+    fn note(&mut self, frames: u64, asked: Option<u64>, notices: &Notices) {
+        if frames < LOOK {
+            return;
+        }
+        let Some(faults) = &self.faults else {
+            self.faults = Some(Faults::start());
+            self.allocations = asked.map(|_| 0);
+            return;
+        };
+        if let (Some(all), Some(asked)) = (&mut self.allocations, asked) {
+            if *all == 0 && asked > 0 {
+                notices.mark("the frame loop allocates");
+            }
+            *all += asked;
+        }
+        if frames.is_multiple_of(LOOK) {
             let count = faults.count();
-            if count > 0 && summary.page_faults == 0 {
+            if count > 0 && self.page_faults == 0 {
                 notices.mark("page faults in the frame loop: memory is short or not locked");
             }
-            summary.page_faults = count;
+            self.page_faults = count;
         }
     }
-    watchdog.stopping();
-    engine.end(hardware.lamps, outbox);
-    summary.lost = u64::from(engine.records_lost());
-    summary
 }
 
 type Delivered = Result<(Carried, u64), gangway_link::Error>;

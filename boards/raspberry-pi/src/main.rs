@@ -19,6 +19,11 @@ use gangway_setup::Setup;
 
 use crate::pins::Pins;
 
+/// Debug builds count the allocations of the frame loop, which makes none.
+#[cfg(any(debug_assertions, feature = "count-allocations"))]
+#[global_allocator]
+static ALLOCATOR: gangway_linux::Counting = gangway_linux::Counting;
+
 /// Measures how two carbodies move against each other.
 #[derive(Parser)]
 #[command(name = "gangway-pi", version, max_term_width = 100)]
@@ -96,10 +101,11 @@ fn print(text: &str) {
 }
 
 fn told(summary: &Summary, to: &Address) -> String {
-    let Summary { frames, poses, losses, lost, unsent, page_faults, carried } = summary;
+    let Summary { frames, poses, losses, lost, unsent, page_faults, allocations, carried } = summary;
+    let allocations = allocations.map_or(String::new(), |count| format!(" and {count} allocations"));
     format!(
         "{frames} frames, {poses} poses, {} records, {lost} lost, {} thinned, {unsent} not sent; camera lost {losses} times; \
-         {page_faults} page faults in the loop; to {to}",
+         {page_faults} page faults{allocations} in the loop; to {to}",
         carried.records, carried.thinned
     )
 }
