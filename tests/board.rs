@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use e2e::guest::{self, Guest};
-use e2e::{Ride, bench, gangway};
+use e2e::{Ride, bench, emulated_bench, gangway};
 use gangway_scene::Scene;
 use gangway_wire::{Decoded, Decoder, Histogram, Latency, Record, What};
 
@@ -165,8 +165,8 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port").port()
 }
 
-/// The same frames with the same numbers and times through a bench.
-fn replay(show: &Show, said: &Said, first: u32, folder: &Path) -> Said {
+/// The same frames with the same numbers and times through a bench, with the capture's name in the folder.
+fn replay(mut bench: Command, show: &Show, said: &Said, first: u32, folder: &Path, name: &str) -> Said {
     let mut y4m = format!("YUV4MPEG2 W{} H{} F{RATE_HZ}:1 Cmono\n", 800, 450).into_bytes();
     let mut times = String::from("frame,time_ns\n");
     for (number, (time_ns, _, _)) in &said.poses {
@@ -177,8 +177,8 @@ fn replay(show: &Show, said: &Said, first: u32, folder: &Path) -> Said {
     std::fs::write(folder.join("frames.y4m"), y4m).expect("the frames");
     std::fs::write(folder.join("times.csv"), times).expect("their times");
     std::fs::write(folder.join("setup.toml"), &show.setup).expect("the setup");
-    let to = folder.join("here.gw");
-    let output = bench()
+    let to = folder.join(name);
+    let output = bench
         .current_dir(folder)
         .args(["--setup", "setup.toml", "--frames", "frames.y4m", "--times", "times.csv", "--to"])
         .arg(format!("file:{}", to.display()))
@@ -252,8 +252,10 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     // A machine that does many other things may lose some; most of the ride must be there to prove anything.
     assert!(measured * 10 >= show.ride.frames.len() * 8, "{measured} frames of the ride");
 
-    let here = replay(&show, &said, first, folder.path());
+    let here = replay(bench(), &show, &said, first, folder.path(), "here.gw");
     assert_same(&said, &here);
+    // And the same program for arm64 without a board.
+    assert_same(&said, &replay(emulated_bench(), &show, &said, first, folder.path(), "arm64.gw"));
 
     // Against the truth, moved to the box's frame numbers: as the bench, to the last digit.
     let mut truth = String::from("frame,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg\n");
@@ -281,6 +283,26 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     let (box_, bench) = (evaluate(&session), evaluate(&folder.path().join("here.gw")));
     assert_eq!(box_, bench);
     println!("{}", box_["deviation"]);
+}
+
+#[test]
+#[ignore = "needs the programs for arm64; tests/board/prepare builds them"]
+fn the_bench_for_arm64_gives_the_bytes_of_the_bench_of_this_machine() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let show = Show::new("");
+    let mut said = Said::default();
+    // Uneven times, as of a real camera.
+    for (number, time_ns) in
+        (7..).zip((0..show.ride.frames.len() as u64).map(|i| i * 20_000_000 + i * i % 7_919))
+    {
+        said.poses.insert(number, (time_ns, false, Vec::new()));
+    }
+    let here = replay(bench(), &show, &said, 7, folder.path(), "here.gw");
+    let arm64 = replay(emulated_bench(), &show, &said, 7, folder.path(), "arm64.gw");
+    assert_eq!(here.poses.len(), show.ride.frames.len());
+    assert!(here.poses.values().any(|(_, has_motion, _)| *has_motion) && here.has("RestSet"));
+    assert_same(&here, &arm64);
+    println!("{} poses and centres are the same bytes", here.poses.len());
 }
 
 /// The lamp and the status lamp of the pin tests, as bits of the level register GPLEV0.
