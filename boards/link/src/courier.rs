@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use gangway_device::{Link, LinkError, LinkErrorKind};
-use gangway_engine::{Command, InboxProducer, OUTBOX_SLOTS, OutboxConsumer};
+use gangway_engine::{Command, InboxProducer, OUTBOX_SLOTS, OutboxConsumer, Packet};
 use gangway_wire::{EXPOSURE_TO_LINE_BITS, Histogram, kind};
 
 use crate::{Commands, MAX_DATAGRAM};
@@ -24,6 +24,9 @@ const TELL: u32 = 50;
 const TELL_TIMES_NS: u64 = 500_000_000;
 /// How long a host may take to close its end after everything was sent.
 const GOODBYE: Duration = Duration::from_secs(2);
+
+/// Who keeps every record.
+type Keep<'q> = Box<dyn FnMut(&[u8]) + Send + 'q>;
 
 /// What a courier has carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,6 +74,7 @@ pub struct Courier<'q, L> {
     /// Left out and not told yet.
     untold: u32,
     clock: Option<fn() -> u64>,
+    keep: Option<Keep<'q>>,
     /// Of the poses in `batch`: how many bytes of it end with them, and their exposures, ns.
     poses: VecDeque<(usize, u64)>,
     /// From exposure to line, not told yet.
@@ -98,6 +102,7 @@ impl<'q, L: Link> Courier<'q, L> {
             is_busy: false,
             untold: 0,
             clock: None,
+            keep: None,
             poses: VecDeque::new(),
             times: Histogram::default(),
             told_ns: 0,
@@ -117,6 +122,13 @@ impl<'q, L: Link> Courier<'q, L> {
         self
     }
 
+    /// Shows every record to `keep` when it leaves the outbox, also those that the line is too narrow for. While nobody is
+    /// connected the outbox is kept half empty by it: the line then leaves the oldest records out, and this is recorded.
+    pub fn keeping(mut self, keep: impl FnMut(&[u8]) + Send + 'q) -> Self {
+        self.keep = Some(Box::new(keep));
+        self
+    }
+
     /// One turn, never waiting. Tells whether anything moved.
     ///
     /// # Errors
@@ -125,7 +137,11 @@ impl<'q, L: Link> Courier<'q, L> {
         let heard = self.hear();
         let heard = self.connected(heard)?;
         let sent = self.send();
-        Ok(self.connected(sent)? | heard)
+        let sent = self.connected(sent)?;
+        while self.keep.is_some() && !self.is_connected && self.outbox.len() > NARROW {
+            self.leave_out();
+        }
+        Ok(sent | heard)
     }
 
     /// Hands a command of the board itself - a button, a mark - to the frame loop.
@@ -163,8 +179,10 @@ impl<'q, L: Link> Courier<'q, L> {
                 thread::sleep(IDLE);
             }
         }
+        let left = self.left();
+        while self.keep.is_some() && self.take().is_some() {}
         self.finish()?;
-        Ok(self.left())
+        Ok(left)
     }
 
     /// Ends the line once everything is sent: two seconds at most.
@@ -269,19 +287,34 @@ impl<'q, L: Link> Courier<'q, L> {
         while let Some(packet) = self.outbox.peek() {
             let is_narrow = self.thins && self.is_busy && self.outbox.len() > NARROW;
             if is_narrow && packet.kind == kind::MARKERS {
-                self.outbox.dequeue();
-                self.carried.thinned += 1;
-                self.untold += 1;
+                self.leave_out();
                 continue;
             }
             if !self.batch.is_empty() && self.batch.len() + packet.bytes.len() > MAX_DATAGRAM {
                 return;
             }
+            let Some(packet) = self.take() else { return };
             self.batch.extend_from_slice(&packet.bytes);
             if self.clock.is_some() && packet.kind == kind::POSE {
                 self.poses.push_back((self.batch.len(), packet.exposed_ns));
             }
-            self.outbox.dequeue();
+        }
+    }
+
+    /// The next packet, shown to who keeps all of them.
+    fn take(&mut self) -> Option<Packet> {
+        let packet = self.outbox.dequeue()?;
+        if let Some(keep) = &mut self.keep {
+            keep(&packet.bytes);
+        }
+        Some(packet)
+    }
+
+    /// The line does without the next packet.
+    fn leave_out(&mut self) {
+        if self.take().is_some() {
+            self.carried.thinned += 1;
+            self.untold += 1;
         }
     }
 
@@ -301,7 +334,8 @@ impl<'q, L: Link> Courier<'q, L> {
             self.announce = self.inbox.enqueue(Command::Announce).is_err();
         }
         let has_caught_up = self.outbox.len() < NARROW / 2;
-        if self.untold >= TELL || (self.untold > 0 && has_caught_up) {
+        // Told when somebody is there again: until then only the log would hear it, which has everything.
+        if self.is_connected && (self.untold >= TELL || (self.untold > 0 && has_caught_up)) {
             let told = self.inbox.enqueue(Command::Thinned { count: self.untold });
             self.untold = if told.is_ok() { 0 } else { self.untold };
         }

@@ -13,6 +13,7 @@ mod allocations;
 pub mod camera;
 mod clock;
 mod lamp;
+pub mod log;
 mod notice;
 mod realtime;
 pub mod run;
@@ -21,7 +22,7 @@ mod vitals;
 mod watchdog;
 
 pub use allocations::{Counting, allocations};
-pub use clock::SystemClock;
+pub use clock::{SystemClock, both_clocks};
 pub use lamp::{GpioLamp, LampError};
 pub use notice::{Notice, Notices};
 pub use realtime::{Faults, enter, lock_memory};

@@ -1,5 +1,7 @@
 //! The whole box but for its pins: frame thread, link thread, and the slow things in the calling thread.
 
+use std::fs::File;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -12,7 +14,9 @@ use gangway_link::{Carried, Courier, IDLE, Line};
 use gangway_setup::Board as BoardSettings;
 
 use crate::notice::{Notice, Notices};
-use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, allocations, clock, realtime, signals};
+use crate::{
+    Faults, Signals, SystemClock, SystemVitals, Watchdog, allocations, clock, log, realtime, signals,
+};
 
 /// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
 pub const FRAME_STACK: usize = 512 << 10;
@@ -22,6 +26,8 @@ const LINK_STACK: usize = 256 << 10;
 const SLOW: Duration = Duration::from_millis(50);
 /// Signs of trouble are looked for once in so many frames.
 const LOOK: u64 = 64;
+/// Stack of the thread that keeps the log, bytes.
+const LOG_STACK: usize = 64 << 10;
 /// What is left at the end may take so long to be sent.
 const PATIENCE: Duration = Duration::from_secs(3);
 
@@ -105,6 +111,8 @@ pub struct Parts<'p, C, L> {
     pub lamps: Vec<L>,
     /// Where records go.
     pub line: Line,
+    /// The ride on the board's own disk, if it is to be kept.
+    pub log: Option<(PathBuf, File)>,
     /// The board's condition.
     pub vitals: SystemVitals,
     /// systemd.
@@ -143,6 +151,7 @@ where
         mut camera,
         mut lamps,
         line,
+        log,
         vitals,
         watchdog,
         board,
@@ -158,7 +167,18 @@ where
     let readings = vitals.clone();
     readings.refresh();
     let (worked, carried) = thread::scope(|scope| {
-        let courier = Courier::new(taken, given, line).thinning().timing(clock::monotonic_ns);
+        let mut courier = Courier::new(taken, given, line).thinning().timing(clock::monotonic_ns);
+        if let Some((path, file)) = log {
+            let (mut log, writer) = log::open(file, &path, &notices);
+            let thread = thread::Builder::new().name("log".into()).stack_size(LOG_STACK);
+            match thread.spawn_scoped(scope, || {
+                signals::block();
+                writer.run();
+            }) {
+                Ok(_) => courier = courier.keeping(move |record| log.put(record)),
+                Err(error) => say(&format!("there is no log: {error}")),
+            }
+        }
         let done = &is_done;
         let link = thread::Builder::new().name("link".into()).stack_size(LINK_STACK).spawn_scoped(
             scope,
@@ -446,6 +466,7 @@ mod tests {
             camera: Away,
             lamps: vec![Lit(Arc::clone(&is_lit))],
             line: Address::File(place.path().join("box.gw")).open().unwrap(),
+            log: Some(log::file(place.path(), 3).unwrap()),
             vitals: SystemVitals::new(place.path()),
             watchdog: Watchdog::new(Some(name.as_os_str()), Some(Duration::from_millis(200))),
             board: BoardSettings { realtime_priority: 0, ..BoardSettings::default() },
@@ -470,6 +491,8 @@ mod tests {
             run(parts, turn, &|_| {}).unwrap()
         }));
         hear(&mut heard);
+        let kept = std::fs::read(place.path().join("0000000000000003.gw")).unwrap();
+        assert_eq!(kept, std::fs::read(place.path().join("box.gw")).unwrap(), "the log is what was sent");
         (is_lit.load(Ordering::Acquire), heard, ended)
     }
 

@@ -227,6 +227,8 @@ pub struct Board {
     pub realtime_priority: u8,
     /// Core of the frame thread; -1 for any.
     pub core: f64,
+    /// Folder in which every ride is kept on the board itself; empty for none.
+    pub log_dir: String,
 }
 
 impl Default for Board {
@@ -238,6 +240,7 @@ impl Default for Board {
             sync_pin: 0,
             realtime_priority: 50,
             core: -1.0,
+            log_dir: String::new(),
         }
     }
 }

@@ -299,3 +299,41 @@ fn poses_are_timed_from_exposure_to_line_and_a_cut_one_is_not() {
     assert_eq!(courier.carried().cut, 1);
     assert_eq!(take.dequeue(), None);
 }
+
+#[test]
+fn a_log_has_every_record_while_nobody_listens_and_those_that_a_narrow_line_leaves_out() {
+    let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
+    let ((mut put, outbox), (inbox, mut take)) = (outbox.split(), inbox.split());
+    let kept = std::sync::Mutex::new(Vec::<u8>::new());
+    let link = Scripted::default();
+    let mut courier = Courier::new(outbox, inbox, link.clone())
+        .thinning()
+        .keeping(|record| kept.lock().unwrap().extend(record));
+    let mut all = Vec::new();
+    // Nobody is connected: four times as many as the outbox holds.
+    for i in 0..4 * OUTBOX_SLOTS {
+        let packet = packet(format!("{i}").as_bytes());
+        all.extend_from_slice(&packet.bytes);
+        put.enqueue(packet).expect("the log makes room");
+        courier.turn().unwrap();
+    }
+    let left_out = courier.carried().thinned;
+    assert!(left_out > 3 * OUTBOX_SLOTS as u64, "{left_out}");
+    assert_eq!(take.dequeue(), None, "told when somebody is there");
+    *link.0.borrow_mut() = Script { room: usize::MAX, is_connected: true, ..Script::default() };
+    courier.turn().unwrap();
+    courier.turn().unwrap();
+    assert_eq!(take.dequeue(), Some(Command::Thinned { count: left_out as u32 }));
+    assert_eq!(*kept.lock().unwrap(), all);
+    assert!(all.ends_with(&link.0.borrow().sent[2..]), "and the line has the latest");
+
+    // A line that takes nothing any more: at the end the log has what waits.
+    *link.0.borrow_mut() = Script { is_connected: true, ..Script::default() };
+    for text in [&b"last"[..], b"two"] {
+        put.enqueue(packet(text)).unwrap();
+        all.extend_from_slice(text);
+        all.push(0);
+    }
+    assert_eq!(courier.drain(Duration::ZERO).unwrap(), 2);
+    assert_eq!(*kept.lock().unwrap(), all);
+}
