@@ -18,7 +18,6 @@ use ::libcamera::controls::{
     AeEnable, AfMode, AnalogueGain, ControlId, ExposureTime, FrameDurationLimits, LensPosition,
     SensorTimestamp,
 };
-use ::libcamera::formats;
 use ::libcamera::framebuffer::{AsFrameBuffer as _, FrameMetadataStatus};
 use ::libcamera::framebuffer_allocator::{FrameBuffer, FrameBufferAllocator};
 use ::libcamera::framebuffer_map::MemoryMappedFrameBuffer;
@@ -47,21 +46,36 @@ struct Candidate {
     role: StreamRole,
 }
 
+/// libdrm's DRM_FORMAT_MOD of samples packed as on MIPI CSI-2: vendor 0x0b, number 1.
+const PACKED: u64 = 0x0b << 56 | 1;
+
+/// A format by its four letters in libdrm.
+const fn format(code: &[u8; 4], modifier: u64) -> PixelFormat {
+    PixelFormat::new(u32::from_le_bytes(*code), modifier)
+}
+
 /// All of them, the best first, as for V4L2 devices.
 fn candidates(wanted: SampleFormat) -> Vec<Candidate> {
-    let raw = |format, layout, named| Candidate { format, layout, named, role: StreamRole::Raw };
+    let raw = |code, modifier, layout, named| {
+        let role = StreamRole::Raw;
+        Candidate { format: format(code, modifier), layout, named, role }
+    };
     let mut all = vec![
-        raw(formats::R12_CSI2P, Layout::Packed { bits: 12 }, SampleFormat::Y12p),
-        raw(formats::R12, Layout::Word { bits: 12 }, SampleFormat::Y12),
-        raw(formats::R16, Layout::Word { bits: 16 }, SampleFormat::Y16),
-        raw(formats::R10_CSI2P, Layout::Packed { bits: 10 }, SampleFormat::Y10p),
-        raw(formats::R10, Layout::Word { bits: 10 }, SampleFormat::Y10),
-        raw(formats::R8, Layout::GREY, SampleFormat::Grey),
+        raw(b"R12 ", PACKED, Layout::Packed { bits: 12 }, SampleFormat::Y12p),
+        raw(b"R12 ", 0, Layout::Word { bits: 12 }, SampleFormat::Y12),
+        raw(b"R16 ", 0, Layout::Word { bits: 16 }, SampleFormat::Y16),
+        raw(b"R10 ", PACKED, Layout::Packed { bits: 10 }, SampleFormat::Y10p),
+        raw(b"R10 ", 0, Layout::Word { bits: 10 }, SampleFormat::Y10),
+        raw(b"R8  ", 0, Layout::GREY, SampleFormat::Grey),
+        Candidate {
+            format: format(b"NV12", 0),
+            layout: Layout::GREY,
+            named: SampleFormat::Nv12,
+            role: StreamRole::VideoRecording,
+        },
     ];
-    let (layout, role) = (Layout::GREY, StreamRole::VideoRecording);
-    all.push(Candidate { format: formats::NV12, layout, named: SampleFormat::Nv12, role });
-    for mosaic in [formats::SRGGB8, formats::SGRBG8, formats::SGBRG8, formats::SBGGR8] {
-        all.push(raw(mosaic, Layout::GREY, SampleFormat::Bayer));
+    for mosaic in [b"RGGB", b"GRBG", b"GBRG", b"BA81"] {
+        all.push(raw(mosaic, 0, Layout::GREY, SampleFormat::Bayer));
     }
     all.retain(|candidate| wanted == SampleFormat::Auto || candidate.named == wanted);
     all
@@ -375,10 +389,11 @@ impl Stream for LibcameraStream {
             return Err(lost("libcamera has cancelled a picture".into()));
         }
         let buffer: Option<&MemoryMappedFrameBuffer<FrameBuffer>> = request.buffer(&self.stream);
-        let Some(frame) = buffer.and_then(|buffer| buffer.metadata()) else {
-            return Err(lost("a picture came without its data".into()));
+        // Not every pipeline tells of the buffer (the virtual one of 0.4 does not): then the request's number is the frame's.
+        let (sequence, is_damaged) = match buffer.and_then(|buffer| buffer.metadata()) {
+            Some(frame) => (frame.sequence(), frame.status() == FrameMetadataStatus::Error),
+            None => (request.sequence(), false),
         };
-        let (sequence, is_damaged) = (frame.sequence(), frame.status() == FrameMetadataStatus::Error);
         let told = request.metadata();
         let exposure = told.get::<ExposureTime>().ok().map(|time| *time);
         let time = told.get::<SensorTimestamp>().ok().map(|time| *time);
