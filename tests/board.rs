@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use e2e::guest::{self, Guest};
-use e2e::{Ride, bench, gangway};
+use e2e::{Ride, bench, emulated_bench, gangway};
 use gangway_scene::Scene;
-use gangway_wire::{Decoded, Decoder, Record, What};
+use gangway_wire::{Decoded, Decoder, Histogram, Latency, Record, What};
 
 /// Frames a second that the emulation keeps up with on two cores, with room for a machine that does other things.
 const RATE_HZ: u32 = 4;
@@ -54,6 +54,8 @@ struct Said {
     /// Frames that an event says are missing.
     missed: u32,
     damaged: u64,
+    /// All latencies of the health records.
+    latency: Latency,
 }
 
 impl Said {
@@ -80,6 +82,11 @@ impl Said {
                         said.missed += count;
                     }
                     said.events.push((event.frame, format!("{:?}", event.what)));
+                }
+                Record::Health(health) => {
+                    let Latency { wake_up, exposure_to_line } = health.latency.unwrap_or_default();
+                    said.latency.wake_up.merge(&wake_up);
+                    said.latency.exposure_to_line.merge(&exposure_to_line);
                 }
                 _ => {}
             }
@@ -158,8 +165,8 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port").port()
 }
 
-/// The same frames with the same numbers and times through a bench.
-fn replay(show: &Show, said: &Said, first: u32, folder: &Path) -> Said {
+/// The same frames with the same numbers and times through a bench, with the capture's name in the folder.
+fn replay(mut bench: Command, show: &Show, said: &Said, first: u32, folder: &Path, name: &str) -> Said {
     let mut y4m = format!("YUV4MPEG2 W{} H{} F{RATE_HZ}:1 Cmono\n", 800, 450).into_bytes();
     let mut times = String::from("frame,time_ns\n");
     for (number, (time_ns, _, _)) in &said.poses {
@@ -170,8 +177,8 @@ fn replay(show: &Show, said: &Said, first: u32, folder: &Path) -> Said {
     std::fs::write(folder.join("frames.y4m"), y4m).expect("the frames");
     std::fs::write(folder.join("times.csv"), times).expect("their times");
     std::fs::write(folder.join("setup.toml"), &show.setup).expect("the setup");
-    let to = folder.join("here.gw");
-    let output = bench()
+    let to = folder.join(name);
+    let output = bench
         .current_dir(folder)
         .args(["--setup", "setup.toml", "--frames", "frames.y4m", "--times", "times.csv", "--to"])
         .arg(format!("file:{}", to.display()))
@@ -232,11 +239,25 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     let measured = said.poses.range(first..=last).count();
     println!("{measured} of {} frames of the ride measured, the others told missing", show.ride.frames.len());
     assert!(said.has("RestSet") && said.has("Ended"), "{:?}", said.events);
+    let told = |what: &str, times: &Histogram| {
+        println!("{what}: {:?}, at most {:.1} ms", times.counts, f64::from(times.longest_ns) / 1e6);
+        times.total() as usize
+    };
+    let woken = told("frame complete to loop", &said.latency.wake_up);
+    let handed = told("exposure to line", &said.latency.exposure_to_line);
+    // Not those of the last second, which no health record tells any more, with half a second until the loop is told.
+    let least = said.poses.len() - 2 * RATE_HZ as usize;
+    // The loop-back device does not say by which clock it notes its times.
+    let all = if said.has("clock is not monotonic") { 0..=0 } else { least..=said.poses.len() };
+    assert!(all.contains(&woken), "{woken} frames of {}", said.poses.len());
+    assert!((least..=said.poses.len()).contains(&handed), "{handed} poses of {}", said.poses.len());
     // A machine that does many other things may lose some; most of the ride must be there to prove anything.
     assert!(measured * 10 >= show.ride.frames.len() * 8, "{measured} frames of the ride");
 
-    let here = replay(&show, &said, first, folder.path());
+    let here = replay(bench(), &show, &said, first, folder.path(), "here.gw");
     assert_same(&said, &here);
+    // And the same program for arm64 without a board.
+    assert_same(&said, &replay(emulated_bench(), &show, &said, first, folder.path(), "arm64.gw"));
 
     // Against the truth, moved to the box's frame numbers: as the bench, to the last digit.
     let mut truth = String::from("frame,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg\n");
@@ -264,6 +285,26 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     let (box_, bench) = (evaluate(&session), evaluate(&folder.path().join("here.gw")));
     assert_eq!(box_, bench);
     println!("{}", box_["deviation"]);
+}
+
+#[test]
+#[ignore = "needs the programs for arm64; tests/board/prepare builds them"]
+fn the_bench_for_arm64_gives_the_bytes_of_the_bench_of_this_machine() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let show = Show::new("");
+    let mut said = Said::default();
+    // Uneven times, as of a real camera.
+    for (number, time_ns) in
+        (7..).zip((0..show.ride.frames.len() as u64).map(|i| i * 20_000_000 + i * i % 7_919))
+    {
+        said.poses.insert(number, (time_ns, false, Vec::new()));
+    }
+    let here = replay(bench(), &show, &said, 7, folder.path(), "here.gw");
+    let arm64 = replay(emulated_bench(), &show, &said, 7, folder.path(), "arm64.gw");
+    assert_eq!(here.poses.len(), show.ride.frames.len());
+    assert!(here.poses.values().any(|(_, has_motion, _)| *has_motion) && here.has("RestSet"));
+    assert_same(&here, &arm64);
+    println!("{} poses and centres are the same bytes", here.poses.len());
 }
 
 /// The lamp and the status lamp of the pin tests, as bits of the level register GPLEV0.
@@ -417,6 +458,60 @@ fn records_come_over_the_uart_too() {
     said.assert_accounted();
     assert!(said.has("RestSet"), "{:?}", said.events);
     assert!(said.poses.values().any(|(_, has_motion, _)| *has_motion));
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn a_frame_costs_the_box_no_page_fault_and_no_allocation() {
+    let show = Show::new("");
+    // Counted from the 64th frame on, and page faults every 64 frames: some 200 frames of 240 bytes each.
+    let job = job("file:/tmp/box.gw").replace("gangway-pi ", "gangway-pi-counting ")
+        + "touch /tmp/go
+        for i in $(seq 250); do [ $(stat -c %s /tmp/box.gw 2>/dev/null || echo 0) -lt 48000 ] || break; sleep 1; done
+        kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"
+        kill $FEED";
+    let mut board = show.boot(&job);
+    let told = board.expect(" in the loop; to ");
+    board.expect("board: box ended with 0");
+    board.wait();
+    println!("{told}");
+    assert!(told.contains("; 0 page faults and 0 allocations in the loop"), "{told}");
+    let frames: u32 = told.split(' ').next().and_then(|n| n.parse().ok()).expect("a count of frames");
+    assert!(frames > 2 * 64, "{told}");
+}
+
+/// A vivid device of 1280 x 720 at the emulation's rate, whose controls are real.
+fn vivid_setup(capture: &str) -> String {
+    let mut setup = Show::new("").setup;
+    for (from, to) in [("width_px = 800", "width_px = 1280"), ("height_px = 450", "height_px = 720")] {
+        assert!(setup.contains(from));
+        setup = setup.replace(from, to);
+    }
+    format!("{setup}\n[capture]\n{capture}\n")
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn a_control_that_the_driver_refuses_is_told_and_a_camera_with_a_clock_shows_how_late_the_loop_is() {
+    let job = "insmod /modules/vivid.ko n_devs=1 node_types=0x0001
+        gangway-pi run --setup /refused.toml --to file:/tmp/no.gw; echo \"board: refused with $?\"
+        gangway-pi run --setup /setup.toml --to serial:/dev/ttyAMA0@115200 & BOX=$!
+        sleep 8
+        kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"";
+    let (setup, refused) = (vivid_setup(""), vivid_setup("gain = 1000"));
+    let mut board =
+        Guest::boot(job, &[("setup.toml", setup.as_bytes()), ("refused.toml", refused.as_bytes())]);
+    let told = board.expect("the control 'Gain'");
+    println!("{told}");
+    assert!(told.contains("is 255 after 1000 was written; it takes 0 to 255 in steps of 1"), "{told}");
+    board.expect("board: refused with 1");
+    board.expect("board: box ended with 0");
+    board.wait();
+    let said = Said::of(&std::fs::read(board.uart()).expect("records"));
+    let (frames, woken) = (said.poses.len(), said.latency.wake_up.total() as usize);
+    println!("{woken} of {frames} frames: {:?}", said.latency.wake_up);
+    // Not those of the last second, which no health record tells any more.
+    assert!(woken > 0 && woken + 2 * RATE_HZ as usize >= frames, "{woken} of {frames}");
 }
 
 #[test]

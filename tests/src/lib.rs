@@ -5,4 +5,4 @@ pub mod guest;
 mod programs;
 
 pub use board::{Ended, Loop, Ride};
-pub use programs::{bench, gangway, sentence};
+pub use programs::{bench, emulated_bench, gangway, sentence};

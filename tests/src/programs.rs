@@ -14,6 +14,17 @@ pub fn bench() -> Command {
     Command::new(program("gangway-bench"))
 }
 
+/// The box's `gangway-bench` for arm64 under user emulation; `tests/board/prepare` builds it.
+pub fn emulated_bench() -> Command {
+    let root = "/usr/aarch64-linux-gnu";
+    let mut command = Command::new("qemu-aarch64");
+    // The loader of the cross packages and the C library of Debian's arm64 packages may be of different builds: then the
+    // first thread that is started searches a list of stacks that has no end.
+    command.args(["-L", root, "-E", &format!("LD_LIBRARY_PATH={root}/lib")]);
+    command.arg(crate::guest::cache().join("programs/gangway-bench"));
+    command
+}
+
 /// The one sentence on standard error of a program that failed with `code`.
 pub fn sentence(output: &Output, code: i32) -> String {
     let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();

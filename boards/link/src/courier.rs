@@ -1,13 +1,14 @@
 //! The body of the link thread, the same on every board: packets to the line, commands from it.
 
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use gangway_device::{Link, LinkError, LinkErrorKind};
-use gangway_engine::{Command, InboxProducer, OUTBOX_SLOTS, OutboxConsumer};
-use gangway_wire::kind;
+use gangway_engine::{Command, InboxProducer, OUTBOX_SLOTS, OutboxConsumer, Packet};
+use gangway_wire::{EXPOSURE_TO_LINE_BITS, Histogram, kind};
 
 use crate::{Commands, MAX_DATAGRAM};
 
@@ -19,8 +20,13 @@ const SENDS_PER_TURN: usize = 64;
 const NARROW: usize = OUTBOX_SLOTS / 2;
 /// So many left out are told at once, or all of them when the line has caught up.
 const TELL: u32 = 50;
+/// How late poses are handed over is told to the loop so often, ns: twice for every `Health`.
+const TELL_TIMES_NS: u64 = 500_000_000;
 /// How long a host may take to close its end after everything was sent.
 const GOODBYE: Duration = Duration::from_secs(2);
+
+/// Who keeps every record.
+type Keep<'q> = Box<dyn FnMut(&[u8]) + Send + 'q>;
 
 /// What a courier has carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,6 +73,13 @@ pub struct Courier<'q, L> {
     is_busy: bool,
     /// Left out and not told yet.
     untold: u32,
+    clock: Option<fn() -> u64>,
+    keep: Option<Keep<'q>>,
+    /// Of the poses in `batch`: how many bytes of it end with them, and their exposures, ns.
+    poses: VecDeque<(usize, u64)>,
+    /// From exposure to line, not told yet.
+    times: Histogram,
+    told_ns: u64,
 }
 
 impl<'q, L: Link> Courier<'q, L> {
@@ -88,13 +101,31 @@ impl<'q, L: Link> Courier<'q, L> {
             thins: false,
             is_busy: false,
             untold: 0,
+            clock: None,
+            keep: None,
+            poses: VecDeque::new(),
+            times: Histogram::default(),
+            told_ns: 0,
         }
+    }
+
+    /// Tells the frame loop how late poses are handed to the line, by the clock that stamps the frames, ns.
+    pub fn timing(mut self, clock: fn() -> u64) -> Self {
+        self.clock = Some(clock);
+        self
     }
 
     /// Thins on a line too narrow for everything: `Markers` first. What the loop has no room for then, poses last, is
     /// lost to the full outbox. Both are recorded.
     pub fn thinning(mut self) -> Self {
         self.thins = true;
+        self
+    }
+
+    /// Shows every record to `keep` when it leaves the outbox, also those that the line is too narrow for. While nobody is
+    /// connected the outbox is kept half empty by it: the line then leaves the oldest records out, and this is recorded.
+    pub fn keeping(mut self, keep: impl FnMut(&[u8]) + Send + 'q) -> Self {
+        self.keep = Some(Box::new(keep));
         self
     }
 
@@ -106,7 +137,11 @@ impl<'q, L: Link> Courier<'q, L> {
         let heard = self.hear();
         let heard = self.connected(heard)?;
         let sent = self.send();
-        Ok(self.connected(sent)? | heard)
+        let sent = self.connected(sent)?;
+        while self.keep.is_some() && !self.is_connected && self.outbox.len() > NARROW {
+            self.leave_out();
+        }
+        Ok(sent | heard)
     }
 
     /// Hands a command of the board itself - a button, a mark - to the frame loop.
@@ -144,8 +179,10 @@ impl<'q, L: Link> Courier<'q, L> {
                 thread::sleep(IDLE);
             }
         }
+        let left = self.left();
+        while self.keep.is_some() && self.take().is_some() {}
         self.finish()?;
-        Ok(self.left())
+        Ok(left)
     }
 
     /// Ends the line once everything is sent: two seconds at most.
@@ -203,7 +240,8 @@ impl<'q, L: Link> Courier<'q, L> {
                 if std::mem::take(&mut self.is_begun) {
                     let end =
                         self.batch.iter().position(|&byte| byte == 0).map_or(self.batch.len(), |at| at + 1);
-                    self.batch.drain(..end);
+                    // What is cut was never handed over.
+                    self.forget(end, None);
                     self.carried.cut += 1;
                 }
                 Ok(false)
@@ -226,9 +264,22 @@ impl<'q, L: Link> Courier<'q, L> {
             self.is_begun = sent.last() != Some(&0);
             self.carried.records += delimiters(sent) as u64;
             self.carried.bytes += count as u64;
-            self.batch.drain(..count);
+            let now_ns = if self.poses.is_empty() { None } else { self.clock.map(|clock| clock()) };
+            self.forget(count, now_ns);
         }
         Ok(true)
+    }
+
+    /// Takes bytes out of the batch; the poses that end with them were handed over at this time.
+    fn forget(&mut self, count: usize, handed_ns: Option<u64>) {
+        self.batch.drain(..count);
+        while let Some(&(_, exposed_ns)) = self.poses.front().filter(|(end, _)| *end <= count) {
+            self.poses.pop_front();
+            if let Some(handed_ns) = handed_ns {
+                self.times.note(handed_ns.saturating_sub(exposed_ns), EXPOSURE_TO_LINE_BITS);
+            }
+        }
+        self.poses.iter_mut().for_each(|(end, _)| *end -= count);
     }
 
     /// Takes as many packets as a datagram carries.
@@ -236,16 +287,45 @@ impl<'q, L: Link> Courier<'q, L> {
         while let Some(packet) = self.outbox.peek() {
             let is_narrow = self.thins && self.is_busy && self.outbox.len() > NARROW;
             if is_narrow && packet.kind == kind::MARKERS {
-                self.outbox.dequeue();
-                self.carried.thinned += 1;
-                self.untold += 1;
+                self.leave_out();
                 continue;
             }
             if !self.batch.is_empty() && self.batch.len() + packet.bytes.len() > MAX_DATAGRAM {
                 return;
             }
+            let Some(packet) = self.take() else { return };
             self.batch.extend_from_slice(&packet.bytes);
-            self.outbox.dequeue();
+            if self.clock.is_some() && packet.kind == kind::POSE {
+                self.poses.push_back((self.batch.len(), packet.exposed_ns));
+            }
+        }
+    }
+
+    /// The next packet, shown to who keeps all of them.
+    fn take(&mut self) -> Option<Packet> {
+        let packet = self.outbox.dequeue()?;
+        if let Some(keep) = &mut self.keep {
+            keep(&packet.bytes);
+        }
+        Some(packet)
+    }
+
+    /// The line does without the next packet.
+    fn leave_out(&mut self) {
+        if self.take().is_some() {
+            self.carried.thinned += 1;
+            self.untold += 1;
+        }
+    }
+
+    /// Tells the loop now and then how late poses were.
+    fn tell_times(&mut self) {
+        let Some(now_ns) = self.clock.filter(|_| self.times.total() > 0).map(|clock| clock()) else { return };
+        if now_ns.saturating_sub(self.told_ns) >= TELL_TIMES_NS {
+            let told = self.inbox.enqueue(Command::Delivered(self.times));
+            if told.is_ok() {
+                (self.times, self.told_ns) = (Histogram::default(), now_ns);
+            }
         }
     }
 
@@ -254,10 +334,12 @@ impl<'q, L: Link> Courier<'q, L> {
             self.announce = self.inbox.enqueue(Command::Announce).is_err();
         }
         let has_caught_up = self.outbox.len() < NARROW / 2;
-        if self.untold >= TELL || (self.untold > 0 && has_caught_up) {
+        // Told when somebody is there again: until then only the log would hear it, which has everything.
+        if self.is_connected && (self.untold >= TELL || (self.untold > 0 && has_caught_up)) {
             let told = self.inbox.enqueue(Command::Thinned { count: self.untold });
             self.untold = if told.is_ok() { 0 } else { self.untold };
         }
+        self.tell_times();
         if let Some(command) = self.waiting.take() {
             self.waiting = self.inbox.enqueue(command).err();
         }

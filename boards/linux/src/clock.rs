@@ -12,6 +12,11 @@ pub(crate) fn monotonic_ns() -> u64 {
     u64::try_from(ns(clock_gettime(ClockId::Monotonic))).unwrap_or(0)
 }
 
+/// Monotonic time and that of the boot clock, which runs on while the board is suspended, ns.
+pub fn both_clocks() -> (u64, u64) {
+    (monotonic_ns(), u64::try_from(ns(clock_gettime(ClockId::Boottime))).unwrap_or(0))
+}
+
 fn ns(time: Timespec) -> i64 {
     time.tv_sec.saturating_mul(1_000_000_000).saturating_add(time.tv_nsec)
 }

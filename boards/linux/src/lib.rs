@@ -9,9 +9,11 @@
 //!
 //! [`run`](run::run) is the whole box but for its pins, which a board brings along.
 
+mod allocations;
 pub mod camera;
 mod clock;
 mod lamp;
+pub mod log;
 mod notice;
 mod realtime;
 pub mod run;
@@ -19,7 +21,8 @@ mod signals;
 mod vitals;
 mod watchdog;
 
-pub use clock::SystemClock;
+pub use allocations::{Counting, allocations};
+pub use clock::{SystemClock, both_clocks};
 pub use lamp::{GpioLamp, LampError};
 pub use notice::{Notice, Notices};
 pub use realtime::{Faults, enter, lock_memory};

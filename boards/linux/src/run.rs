@@ -1,5 +1,7 @@
 //! The whole box but for its pins: frame thread, link thread, and the slow things in the calling thread.
 
+use std::fs::File;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -12,7 +14,9 @@ use gangway_link::{Carried, Courier, IDLE, Line};
 use gangway_setup::Board as BoardSettings;
 
 use crate::notice::{Notice, Notices};
-use crate::{Faults, Signals, SystemClock, SystemVitals, Watchdog, realtime, signals};
+use crate::{
+    Faults, Signals, SystemClock, SystemVitals, Watchdog, allocations, clock, log, realtime, signals,
+};
 
 /// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
 pub const FRAME_STACK: usize = 512 << 10;
@@ -22,6 +26,8 @@ const LINK_STACK: usize = 256 << 10;
 const SLOW: Duration = Duration::from_millis(50);
 /// Signs of trouble are looked for once in so many frames.
 const LOOK: u64 = 64;
+/// Stack of the thread that keeps the log, bytes.
+const LOG_STACK: usize = 64 << 10;
 /// What is left at the end may take so long to be sent.
 const PATIENCE: Duration = Duration::from_secs(3);
 
@@ -71,6 +77,8 @@ pub struct Summary {
     pub unsent: u64,
     /// Page faults of the frame thread after its first frames.
     pub page_faults: i64,
+    /// Calls of the allocator while frames were worked on, after the first ones; `None` where nobody counts.
+    pub allocations: Option<u64>,
     /// What the link carried.
     pub carried: Carried,
 }
@@ -103,6 +111,8 @@ pub struct Parts<'p, C, L> {
     pub lamps: Vec<L>,
     /// Where records go.
     pub line: Line,
+    /// The ride on the board's own disk, if it is to be kept.
+    pub log: Option<(PathBuf, File)>,
     /// The board's condition.
     pub vitals: SystemVitals,
     /// systemd.
@@ -141,8 +151,9 @@ where
         mut camera,
         mut lamps,
         line,
+        log,
         vitals,
-        mut watchdog,
+        watchdog,
         board,
         next,
         signals,
@@ -156,7 +167,18 @@ where
     let readings = vitals.clone();
     readings.refresh();
     let (worked, carried) = thread::scope(|scope| {
-        let courier = Courier::new(taken, given, line).thinning();
+        let mut courier = Courier::new(taken, given, line).thinning().timing(clock::monotonic_ns);
+        if let Some((path, file)) = log {
+            let (mut log, writer) = log::open(file, &path, &notices);
+            let thread = thread::Builder::new().name("log".into()).stack_size(LOG_STACK);
+            match thread.spawn_scoped(scope, || {
+                signals::block();
+                writer.run();
+            }) {
+                Ok(_) => courier = courier.keeping(move |record| log.put(record)),
+                Err(error) => say(&format!("there is no log: {error}")),
+            }
+        }
         let done = &is_done;
         let link = thread::Builder::new().name("link".into()).stack_size(LINK_STACK).spawn_scoped(
             scope,
@@ -176,17 +198,11 @@ where
                     lamps: &mut lamps,
                 };
                 let _end = End { done, signals };
-                work(
-                    &mut engine,
+                let engine = &mut engine;
+                Frames { engine, watchdog, board, next, signals, status, notices }.work(
                     &mut hardware,
                     &mut inbox,
                     &mut outbox,
-                    &mut watchdog,
-                    &board,
-                    next,
-                    signals,
-                    status,
-                    &notices,
                 )
             });
         let _end = StopOnPanic(signals);
@@ -245,68 +261,101 @@ impl Drop for StopOnPanic<'_> {
     }
 }
 
-/// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
-#[allow(
-    clippy::too_many_arguments,
-    reason = "each belongs to another owner, and only the loop meets them all"
-)]
-fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
-    engine: &mut Box<Engine>,
-    hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,
-    inbox: &mut InboxConsumer<'_>,
-    outbox: &mut OutboxProducer<'_>,
-    watchdog: &mut Watchdog,
-    board: &BoardSettings,
-    next: &Next,
-    signals: &Signals,
-    status: &Status,
-    notices: &Notices,
-) -> Summary {
-    let core = (board.core >= 0.0).then_some(board.core as usize);
-    for refusal in realtime::enter(board.realtime_priority, core) {
-        notices.mark(refusal.split(';').next().unwrap_or_default());
-        notices.log(refusal);
-    }
-    watchdog.ready();
-    let mut summary = Summary::default();
-    let mut faults = Faults::start();
-    while !signals.stops() {
-        if let Some(mut next) = next.take() {
-            next.succeed(engine, outbox);
-            *engine = next;
-            notices.log("the new setup is taken over".to_owned());
+/// The frame thread: what its loop works on beside the hardware and the queues.
+struct Frames<'f> {
+    engine: &'f mut Box<Engine>,
+    watchdog: Watchdog,
+    board: BoardSettings,
+    next: &'f Next,
+    signals: &'f Signals,
+    status: &'f Status,
+    notices: Notices,
+}
+
+impl Frames<'_> {
+    /// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
+    fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
+        mut self,
+        hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,
+        inbox: &mut InboxConsumer<'_>,
+        outbox: &mut OutboxProducer<'_>,
+    ) -> Summary {
+        let core = (self.board.core >= 0.0).then_some(self.board.core as usize);
+        for refusal in realtime::enter(self.board.realtime_priority, core) {
+            self.notices.mark(refusal.split(';').next().unwrap_or_default());
+            self.notices.log(refusal);
         }
-        let step = engine.step(hardware, inbox, outbox);
-        watchdog.feed();
-        match step {
-            Step::Measured => status.set(State::Measuring),
-            Step::Unmeasured => status.set(State::Waiting),
-            Step::Repeated => {}
-            Step::NoFrame(CameraErrorKind::Ended) => break,
-            Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
-                summary.losses += 1;
-                status.set(State::Fault);
-                continue;
+        self.watchdog.ready();
+        let mut summary = Summary::default();
+        let mut costs = Costs::default();
+        while !self.signals.stops() {
+            if let Some(mut next) = self.next.take() {
+                next.succeed(self.engine, outbox);
+                *self.engine = next;
+                self.notices.log("the new setup is taken over".to_owned());
             }
-            Step::NoFrame(_) => continue,
+            let before = allocations();
+            let step = self.engine.step(hardware, inbox, outbox);
+            let asked = allocations().zip(before).map(|(after, before)| after - before);
+            self.watchdog.feed();
+            match step {
+                Step::Measured => self.status.set(State::Measuring),
+                Step::Unmeasured => self.status.set(State::Waiting),
+                Step::Repeated => {}
+                Step::NoFrame(CameraErrorKind::Ended) => break,
+                Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
+                    summary.losses += 1;
+                    self.status.set(State::Fault);
+                    continue;
+                }
+                Step::NoFrame(_) => continue,
+            }
+            summary.frames += 1;
+            summary.poses += u64::from(step == Step::Measured);
+            costs.note(summary.frames, asked, &self.notices);
         }
-        summary.frames += 1;
-        summary.poses += u64::from(step == Step::Measured);
-        if summary.frames == LOOK {
-            // What the first frames touched for the first time was no trouble.
-            faults = Faults::start();
-        } else if summary.frames % LOOK == 0 {
+        self.watchdog.stopping();
+        self.engine.end(hardware.lamps, outbox);
+        summary.lost = u64::from(self.engine.records_lost());
+        (summary.page_faults, summary.allocations) = (costs.page_faults, costs.allocations);
+        summary
+    }
+}
+
+/// What frames must not cost: page faults and allocations.
+#[derive(Default)]
+struct Costs {
+    faults: Option<Faults>,
+    page_faults: i64,
+    allocations: Option<u64>,
+}
+
+impl Costs {
+    /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What the first
+    /// frames touch for the first time is no trouble; the first trouble is told in the records.
+    fn note(&mut self, frames: u64, asked: Option<u64>, notices: &Notices) {
+        if frames < LOOK {
+            return;
+        }
+        let Some(faults) = &self.faults else {
+            self.faults = Some(Faults::start());
+            self.allocations = asked.map(|_| 0);
+            return;
+        };
+        if let (Some(all), Some(asked)) = (&mut self.allocations, asked) {
+            if *all == 0 && asked > 0 {
+                notices.mark("the frame loop allocates");
+            }
+            *all += asked;
+        }
+        if frames.is_multiple_of(LOOK) {
             let count = faults.count();
-            if count > 0 && summary.page_faults == 0 {
+            if count > 0 && self.page_faults == 0 {
                 notices.mark("page faults in the frame loop: memory is short or not locked");
             }
-            summary.page_faults = count;
+            self.page_faults = count;
         }
     }
-    watchdog.stopping();
-    engine.end(hardware.lamps, outbox);
-    summary.lost = u64::from(engine.records_lost());
-    summary
 }
 
 type Delivered = Result<(Carried, u64), gangway_link::Error>;
@@ -417,6 +466,7 @@ mod tests {
             camera: Away,
             lamps: vec![Lit(Arc::clone(&is_lit))],
             line: Address::File(place.path().join("box.gw")).open().unwrap(),
+            log: Some(log::file(place.path(), 3).unwrap()),
             vitals: SystemVitals::new(place.path()),
             watchdog: Watchdog::new(Some(name.as_os_str()), Some(Duration::from_millis(200))),
             board: BoardSettings { realtime_priority: 0, ..BoardSettings::default() },
@@ -441,6 +491,8 @@ mod tests {
             run(parts, turn, &|_| {}).unwrap()
         }));
         hear(&mut heard);
+        let kept = std::fs::read(place.path().join("0000000000000003.gw")).unwrap();
+        assert_eq!(kept, std::fs::read(place.path().join("box.gw")).unwrap(), "the log is what was sent");
         (is_lit.load(Ordering::Acquire), heard, ended)
     }
 

@@ -7,10 +7,11 @@ use gangway_device::Clock as _;
 use gangway_device::Vitals as _;
 use gangway_engine::{Engine, Identity};
 use gangway_link::Address;
-use gangway_linux::camera::{Source as _, Stream as _, TimeSource, V4l2, V4l2Stream};
-use gangway_linux::{Notice, Notices, SystemClock, SystemVitals, enter, lock_memory};
+use gangway_linux::camera::{Source as _, Stream, TimeSource};
+use gangway_linux::{Notice, Notices, SystemClock, SystemVitals, enter, lock_memory, log};
 use gangway_setup::Setup;
 
+use crate::camera::Device;
 use crate::pins::Pins;
 
 /// Pictures that are waited for.
@@ -44,8 +45,7 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
     );
 
     let (notices, said) = Notices::channel();
-    let mut camera =
-        V4l2::new(parts.capture.clone(), parts.camera, settings.picture, settings.rate_hz, notices.clone());
+    let mut camera = Device::new(parts, &settings, &notices)?;
     match camera.open() {
         Err(error) => tell("camera", Err(error.sentence)),
         Ok(mut stream) => {
@@ -71,7 +71,16 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
             }
         },
     );
-    let mut vitals = SystemVitals::new(Path::new("/"));
+    if !parts.board.log_dir.is_empty() {
+        let folder = Path::new(&parts.board.log_dir);
+        let made = log::file(folder, 0);
+        // An empty file of session 0 is of this check.
+        if let Ok((path, _)) = &made {
+            let _ = std::fs::remove_file(path);
+        }
+        tell("log", made.map(|_| format!("every ride is kept in {}", folder.display())));
+    }
+    let mut vitals = SystemVitals::new(&crate::disk(parts, to));
     vitals.refresh();
     let reading = vitals.read();
     tell(
@@ -104,7 +113,7 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
 }
 
 /// Waits for some pictures: their rate, the gaps between them, and what their times mean.
-fn frames(stream: &mut V4l2Stream, rate_hz: f64) -> Result<String, String> {
+fn frames(stream: &mut impl Stream, rate_hz: f64) -> Result<String, String> {
     let mut stamps = Vec::new();
     for _ in 0..PICTURES {
         match stream.wait(PATIENCE) {
@@ -118,6 +127,7 @@ fn frames(stream: &mut V4l2Stream, rate_hz: f64) -> Result<String, String> {
     let missed = count.saturating_sub(PICTURES - 1);
     let source = match first.source {
         TimeSource::StartOfExposure => "times of the start of exposure",
+        TimeSource::StartOfReadout => "times of the start of the readout",
         TimeSource::EndOfFrame => "times of the end of the frame",
         TimeSource::Arrival => "times of arrival",
     };

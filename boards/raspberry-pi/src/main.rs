@@ -1,6 +1,9 @@
 //! `gangway-pi`: the box on a Raspberry Pi, from the camera to the line.
 
+mod camera;
 mod check;
+#[cfg(feature = "libcamera")]
+mod libcamera;
 mod pins;
 
 use std::io::{self, Write as _};
@@ -12,12 +15,18 @@ use anyhow::Context as _;
 use clap::{Parser, Subcommand};
 use gangway_engine::{Engine, Identity, Settings};
 use gangway_link::Address;
-use gangway_linux::camera::{Recovering, V4l2};
+use gangway_linux::camera::Recovering;
 use gangway_linux::run::{self, Next, Parts, Summary};
-use gangway_linux::{Notices, Signals, Status, SystemVitals, Watchdog, lock_memory};
+use gangway_linux::{Notices, Signals, Status, SystemVitals, Watchdog, lock_memory, log};
 use gangway_setup::Setup;
 
+use crate::camera::Device;
 use crate::pins::Pins;
+
+/// Debug builds count the allocations of the frame loop, which makes none.
+#[cfg(any(debug_assertions, feature = "count-allocations"))]
+#[global_allocator]
+static ALLOCATOR: gangway_linux::Counting = gangway_linux::Counting;
 
 /// Measures how two carbodies move against each other.
 #[derive(Parser)]
@@ -96,10 +105,11 @@ fn print(text: &str) {
 }
 
 fn told(summary: &Summary, to: &Address) -> String {
-    let Summary { frames, poses, losses, lost, unsent, page_faults, carried } = summary;
+    let Summary { frames, poses, losses, lost, unsent, page_faults, allocations, carried } = summary;
+    let allocations = allocations.map_or(String::new(), |count| format!(" and {count} allocations"));
     format!(
         "{frames} frames, {poses} poses, {} records, {lost} lost, {} thinned, {unsent} not sent; camera lost {losses} times; \
-         {page_faults} page faults in the loop; to {to}",
+         {page_faults} page faults{allocations} in the loop; to {to}",
         carried.records, carried.thinned
     )
 }
@@ -116,8 +126,7 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
     }
     // Dark before anything else can fail: a box that was killed may have left them lit.
     let mut pins = Pins::take(&parts.board, notices.clone())?;
-    let camera =
-        V4l2::new(parts.capture.clone(), parts.camera, settings.picture, settings.rate_hz, notices.clone());
+    let camera = Device::new(parts, &settings, &notices)?;
     let mut camera = Recovering::new(camera, settings.rate_hz, notices.clone());
     camera.start()?;
     let identity = identity(box_id);
@@ -125,16 +134,20 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
     let line = place.to.open()?;
     say(&format!("measuring to {line}"));
     let (status, next) = (Status::default(), Next::default());
-    let disk = match &place.to {
-        Address::File(path) => path.parent().unwrap_or(Path::new(".")).to_owned(),
-        _ => PathBuf::from("/"),
+    let log = match parts.board.log_dir.as_str() {
+        "" => None,
+        folder => Some(log::file(Path::new(folder), identity.session_id).map_err(anyhow::Error::msg)),
     };
+    // A card that takes no log is no reason not to measure.
+    let log = log.and_then(|made| made.inspect_err(|refusal| say(&format!("{refusal:#}"))).ok());
+    let disk = disk(parts, &place.to);
     let lamps = pins.lamps();
     let parts = Parts {
         engine,
         camera,
         lamps,
         line,
+        log,
         vitals: SystemVitals::new(&disk),
         watchdog: Watchdog::from_environment(),
         board: parts.board.clone(),
@@ -154,6 +167,15 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
         }
     };
     Ok(run::run(parts, slow, &say)?)
+}
+
+/// Where the records go that stay on the board: its free space is what counts.
+fn disk(parts: &gangway_setup::Parts, to: &Address) -> PathBuf {
+    match (parts.board.log_dir.as_str(), to) {
+        ("", Address::File(path)) => path.parent().unwrap_or(Path::new(".")).to_owned(),
+        ("", _) => PathBuf::from("/"),
+        (folder, _) => PathBuf::from(folder),
+    }
 }
 
 fn engine(settings: Settings, identity: Identity) -> anyhow::Result<Box<Engine>> {

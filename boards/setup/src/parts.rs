@@ -198,6 +198,10 @@ pub enum SampleFormat {
     Y12,
     /// 16-bit grey.
     Y16,
+    /// 10-bit grey, four samples in five bytes.
+    Y10p,
+    /// 12-bit grey, two samples in three bytes.
+    Y12p,
     /// The luma of 4:2:2, luma first.
     Yuyv,
     /// The luma of 4:2:2, chroma first.
@@ -209,12 +213,14 @@ pub enum SampleFormat {
 }
 
 impl SampleFormat {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 11] = [
         Self::Auto,
         Self::Grey,
         Self::Y10,
         Self::Y12,
         Self::Y16,
+        Self::Y10p,
+        Self::Y12p,
         Self::Yuyv,
         Self::Uyvy,
         Self::Nv12,
@@ -224,7 +230,7 @@ impl SampleFormat {
 
 impl Word for SampleFormat {
     fn words(&self) -> &'static [&'static str] {
-        &["auto", "grey", "y10", "y12", "y16", "yuyv", "uyvy", "nv12", "bayer"]
+        &["auto", "grey", "y10", "y12", "y16", "y10p", "y12p", "yuyv", "uyvy", "nv12", "bayer"]
     }
     fn index(&self) -> usize {
         Self::ALL.iter().position(|format| format == self).unwrap_or(0)
@@ -251,6 +257,8 @@ pub struct Board {
     pub realtime_priority: u8,
     /// Core of the frame thread; -1 for any.
     pub core: f64,
+    /// Folder in which every ride is kept on the board itself; empty for none.
+    pub log_dir: String,
 }
 
 impl Default for Board {
@@ -263,6 +271,7 @@ impl Default for Board {
             sync_pin: 0,
             realtime_priority: 50,
             core: -1.0,
+            log_dir: String::new(),
         }
     }
 }

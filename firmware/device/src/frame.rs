@@ -17,6 +17,13 @@ pub enum Layout {
         /// Significant bits of a sample.
         bits: u8,
     },
+    /// Several samples share a byte (MIPI CSI-2, as V4L2's Y10P and Y12P): groups of four samples of 10 bits in 5 bytes, or
+    /// of two samples of 12 bits in 3 bytes. First comes a byte with the top 8 bits of each sample, then one with their
+    /// low bits, the first sample's lowest. Rows are whole groups.
+    Packed {
+        /// Significant bits of a sample, 10 or 12.
+        bits: u8,
+    },
 }
 
 impl Layout {
@@ -27,7 +34,16 @@ impl Layout {
     pub const fn bits(self) -> u8 {
         match self {
             Layout::Byte { .. } => 8,
-            Layout::Word { bits } => bits,
+            Layout::Word { bits } | Layout::Packed { bits } => bits,
+        }
+    }
+
+    /// Samples of a group whose low bits share a byte; 1 where every sample has its own bytes.
+    pub const fn group(self) -> usize {
+        match self {
+            Layout::Packed { bits: 10 } => 4,
+            Layout::Packed { bits: 12 } => 2,
+            _ => 1,
         }
     }
 
@@ -39,6 +55,7 @@ impl Layout {
                 Some((width - 1) * step as usize + offset as usize + 1)
             }
             Layout::Word { bits } if bits > 8 && bits <= 16 => Some(2 * width),
+            Layout::Packed { bits: 10 | 12 } => Some(width.div_ceil(self.group()) * (self.group() + 1)),
             _ => None,
         }
     }
@@ -67,6 +84,7 @@ pub struct Frame<'a> {
     layout: Layout,
     number: u32,
     time_ns: u64,
+    complete_ns: Option<u64>,
 }
 
 impl<'a> Frame<'a> {
@@ -92,7 +110,12 @@ impl<'a> Frame<'a> {
         if needed.is_none_or(|needed| bytes.len() < needed) {
             return Err(FrameError::Short);
         }
-        Ok(Self { bytes, width, height, stride, layout, number, time_ns })
+        Ok(Self { bytes, width, height, stride, layout, number, time_ns, complete_ns: None })
+    }
+
+    /// The same frame with the monotonic clock at the end of its readout, ns, where the source knows it.
+    pub fn complete_at(self, complete_ns: Option<u64>) -> Self {
+        Self { complete_ns, ..self }
     }
 
     /// Width in samples.
@@ -118,6 +141,11 @@ impl<'a> Frame<'a> {
     /// Monotonic clock at mid-exposure, ns.
     pub fn time_ns(&self) -> u64 {
         self.time_ns
+    }
+
+    /// Monotonic clock at the end of its readout, ns: from then on it could be taken. `None` where that is not known.
+    pub fn complete_ns(&self) -> Option<u64> {
+        self.complete_ns
     }
 
     /// The bytes of row `y`, from its first sample's first byte on; `None` below the picture.
@@ -150,6 +178,8 @@ mod tests {
             Layout::Byte { step: 2, offset: 2 },
             Layout::Word { bits: 8 },
             Layout::Word { bits: 17 },
+            Layout::Packed { bits: 8 },
+            Layout::Packed { bits: 14 },
         ] {
             assert_eq!(Frame::new(&[0; 64], (2, 2), 8, layout, 0, 0).unwrap_err(), FrameError::Layout);
         }
@@ -159,6 +189,13 @@ mod tests {
             Frame::new(&[0; 8], (2, 9), usize::MAX, Layout::GREY, 0, 0).unwrap_err(),
             FrameError::Short
         );
+    }
+
+    #[test]
+    fn packed_rows_are_whole_groups() {
+        let rows = |bits: u8| [4, 5, 8].map(|width| Layout::Packed { bits }.row_bytes(width));
+        assert_eq!(rows(10), [Some(5), Some(10), Some(10)]);
+        assert_eq!(rows(12), [Some(6), Some(9), Some(12)]);
     }
 
     #[test]

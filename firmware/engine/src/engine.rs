@@ -158,6 +158,7 @@ impl Engine {
             Err(error) => return self.without_frame(error.kind(), board.clock, outbox),
         };
         let woken_ns = board.clock.now_ns();
+        self.pulse.woken(frame.complete_ns().map(|complete_ns| woken_ns.saturating_sub(complete_ns)));
         let Some(flags) = self.arrive(&frame, outbox) else { return Step::Repeated };
 
         let solution = self.follow(&frame);
@@ -247,6 +248,7 @@ impl Engine {
                 Command::Announce if starts => {}
                 Command::Announce => self.announcer.restart(),
                 Command::Thinned { count } => self.recorder.event(outbox, What::QueueOverflow { count }),
+                Command::Delivered(times) => self.pulse.delivered(&times),
                 Command::Refused { kind } => self.recorder.event(outbox, What::CommandRefused { kind }),
             }
         }

@@ -1,6 +1,6 @@
 //! What leaves the frame loop and what comes in: bounded queues that never block it.
 
-use gangway_wire::{MAX_FRAME, MAX_MARK};
+use gangway_wire::{Histogram, MAX_FRAME, MAX_MARK};
 use heapless::{String, Vec, spsc};
 
 /// Framed records that may wait for the link: about 2.5 s at 50 frames/s.
@@ -13,6 +13,8 @@ pub const INBOX_SLOTS: usize = 16;
 pub struct Packet {
     /// Kind of the record, so that a narrow line can thin by kind.
     pub kind: u8,
+    /// Mid-exposure of the frame that a `Pose` belongs to, ns, so that the link can tell how late it is; 0 for others.
+    pub exposed_ns: u64,
     /// The framed bytes.
     pub bytes: Vec<u8, MAX_FRAME>,
 }
@@ -38,6 +40,8 @@ pub enum Command {
         /// Records left out since the last such command.
         count: u32,
     },
+    /// The link handed poses to the line: how long after their exposures, since the last such command.
+    Delivered(Histogram),
     /// The link received a command that it cannot hand on.
     Refused {
         /// Kind of the record.

@@ -55,7 +55,8 @@ impl Recorder {
         // The number runs on for lost records too, so that the host sees the gap without reading the event.
         let sequence = self.sequence;
         self.sequence = self.sequence.wrapping_add(1);
-        let mut packet = Packet { kind: record.kind(), ..Packet::default() };
+        let exposed_ns = if let Record::Pose(pose) = record { pose.time_ns } else { 0 };
+        let mut packet = Packet { kind: record.kind(), exposed_ns, ..Packet::default() };
         let framed = packet
             .bytes
             .resize_default(MAX_FRAME)

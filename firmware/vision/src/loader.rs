@@ -112,6 +112,11 @@ fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
                 *to = top_of_word([from[0], from[1]], bits);
             }
         }
+        Samples::Packed(groups) => {
+            for (i, to) in into.iter_mut().enumerate() {
+                *to = groups.top(every * i);
+            }
+        }
         Samples::None => into.fill(0),
     }
 }
@@ -192,6 +197,11 @@ impl<'a> Row<'a> {
                     *to = u16::from_le_bytes([from[0], from[1]]).min(full);
                 }
             }
+            Samples::Packed(groups) => {
+                for (i, to) in into.iter_mut().take(count).enumerate() {
+                    *to = groups.sample(i);
+                }
+            }
             Samples::None => into.fill(0),
         }
     }
@@ -212,6 +222,8 @@ pub(crate) fn top(frame: &Frame, x: u16, y: u16) -> Option<u8> {
     match frame.layout() {
         Layout::Byte { step, offset } => row.get(x * usize::from(step) + usize::from(offset)).copied(),
         Layout::Word { bits } => Some(top_of_word([*row.get(2 * x)?, *row.get(2 * x + 1)?], bits)),
+        // The top 8 bits have a byte of their own; every group before adds the one with its low bits.
+        layout @ Layout::Packed { .. } => row.get(x + x / layout.group()).copied(),
     }
 }
 
@@ -230,7 +242,36 @@ enum Samples<'a> {
     Byte(&'a [u8]),
     Spread(&'a [u8], usize),
     Word(&'a [u8], u8),
+    Packed(Groups<'a>),
     None,
+}
+
+/// Samples that share the bytes of their low bits.
+struct Groups<'a> {
+    /// From the group of the first sample to that of the last one.
+    bytes: &'a [u8],
+    /// Place of the first sample in its group.
+    first: usize,
+    /// Samples of a group.
+    group: usize,
+}
+
+impl Groups<'_> {
+    /// Top 8 bits of sample `i`.
+    #[inline]
+    fn top(&self, i: usize) -> u8 {
+        let at = self.first + i;
+        self.bytes.get(at + at / self.group).copied().unwrap_or(0)
+    }
+
+    /// All bits of sample `i`: 10 where four share a byte, 12 where two do.
+    #[inline]
+    fn sample(&self, i: usize) -> u16 {
+        let (at, bits) = (self.first + i, 8 / self.group);
+        let low = self.bytes.get((at / self.group + 1) * (self.group + 1) - 1).copied().unwrap_or(0);
+        let low = low >> (at % self.group * bits) & ((1 << bits) - 1);
+        u16::from(self.top(i)) << bits | u16::from(low)
+    }
 }
 
 /// `count` samples from column `x` of row `y`.
@@ -250,6 +291,46 @@ fn samples<'a>(frame: &Frame<'a>, x: u16, y: u16, count: usize) -> Samples<'a> {
         }
         Layout::Word { bits } => {
             row.get(2 * x..2 * (x + count)).map_or(Samples::None, |bytes| Samples::Word(bytes, bits))
+        }
+        layout @ Layout::Packed { .. } => {
+            let group = layout.group();
+            let (from, to) = (x / group * (group + 1), (x + count).div_ceil(group) * (group + 1));
+            let groups = |bytes| Samples::Packed(Groups { bytes, first: x % group, group });
+            row.get(from..to).map_or(Samples::None, groups)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two groups of MIPI CSI-2's RAW10, written out by hand: samples 0x3ff, 0, 0x155, 0x2aa and 1, 2, 3, 0x200.
+    const TEN: [u8; 10] = [0xff, 0x00, 0x55, 0xaa, 0b10_01_00_11, 0x00, 0x00, 0x00, 0x80, 0b00_11_10_01];
+    /// Two groups of RAW12: samples 0xabc, 0x123 and 0xfff, 0x00f.
+    const TWELVE: [u8; 6] = [0xab, 0x12, 0x3c, 0xff, 0x00, 0xff];
+
+    #[test]
+    fn packed_samples_have_all_their_bits_wherever_a_window_begins() {
+        let ten: &[u16] = &[0x3ff, 0, 0x155, 0x2aa, 1, 2, 3, 0x200];
+        let twelve: &[u16] = &[0xabc, 0x123, 0xfff, 0x00f];
+        for (bits, bytes, samples) in [(10, &TEN[..], ten), (12, &TWELVE[..], twelve)] {
+            let size = (samples.len() as u16, 1);
+            let frame = Frame::new(bytes, size, bytes.len(), Layout::Packed { bits }, 0, 0).unwrap();
+            for x in 0..samples.len() {
+                for count in 0..=samples.len() - x {
+                    let expected = &samples[x..x + count];
+                    let mut chunk = [0; CHUNK];
+                    Row::of(&frame, 0, x as u16).load(0, count, &mut chunk);
+                    assert_eq!(chunk[..count], *expected, "{bits} bits, {count} from {x}");
+                    let mut tops = std::vec![0; count];
+                    top_bits(&frame, (x as u16, 0), 1, &mut tops);
+                    let top = |sample: &u16| (sample >> (bits - 8)) as u8;
+                    assert_eq!(tops, expected.iter().map(top).collect::<std::vec::Vec<_>>());
+                }
+                assert_eq!(super::top(&frame, x as u16, 0), Some((samples[x] >> (bits - 8)) as u8));
+            }
+            assert_eq!(super::top(&frame, size.0, 0), None);
         }
     }
 }

@@ -124,6 +124,17 @@ impl Picture {
                 })
                 .collect(),
             Layout::Word { .. } => levels.flat_map(u16::to_le_bytes).collect(),
+            Layout::Packed { bits } => {
+                let (levels, low) = (levels.collect::<Vec<_>>(), bits - 8);
+                let pack = |group: &[u16]| {
+                    let tops =
+                        (0..layout.group()).map(|i| group.get(i).map_or(0, |level| (level >> low) as u8));
+                    let lows =
+                        group.iter().rev().fold(0, |lows, level| lows << low | level & ((1 << low) - 1));
+                    tops.chain([lows as u8]).collect::<Vec<_>>()
+                };
+                levels.chunks(self.width).flat_map(|row| row.chunks(layout.group()).flat_map(pack)).collect()
+            }
         }
     }
 

@@ -115,7 +115,7 @@ pub fn encode_body(record: &Record<'_>, out: &mut [u8]) -> Result<usize, EncodeE
         Record::Markers(markers) if !markers.is_consistent() => Err(EncodeError::Masks),
         Record::Markers(markers) => put(markers, out),
         Record::Event(event) => event.encode(out),
-        Record::Health(health) => put(health, out),
+        Record::Health(health) => put_health(health, out),
         Record::TimeSync(sync) => put(sync, out),
         Record::Pong(pong) => put(pong, out),
         Record::SetRest => Ok(0),
@@ -139,7 +139,7 @@ pub fn decode_body(kind: u8, body: &[u8]) -> Result<(Record<'_>, bool), BodyErro
         kind::POSE => take(body).map(|(pose, rest)| (Record::Pose(pose), rest))?,
         kind::MARKERS => take(body).map(|(markers, rest)| (Record::Markers(markers), rest))?,
         kind::EVENT => Event::decode(body).map(|(event, rest)| (Record::Event(event), rest))?,
-        kind::HEALTH => take(body).map(|(health, rest)| (Record::Health(health), rest))?,
+        kind::HEALTH => take_health(body).map(|(health, rest)| (Record::Health(health), rest))?,
         kind::TIME_SYNC => take(body).map(|(sync, rest)| (Record::TimeSync(sync), rest))?,
         kind::PONG => take(body).map(|(pong, rest)| (Record::Pong(pong), rest))?,
         kind::SET_REST => (Record::SetRest, body),
@@ -156,6 +156,25 @@ pub fn decode_body(kind: u8, body: &[u8]) -> Result<(Record<'_>, bool), BodyErro
         _ => true,
     };
     if keeps_bounds { Ok((record, !rest.is_empty())) } else { Err(BodyError::Malformed) }
+}
+
+/// `Health` as it was at first, and the latencies that came behind it.
+fn put_health(health: &Health, out: &mut [u8]) -> Result<usize, EncodeError> {
+    let length = put(health, out)?;
+    match &health.latency {
+        Some(latency) => Ok(length + put(latency, out.get_mut(length..).ok_or(EncodeError::Room)?)?),
+        None => Ok(length),
+    }
+}
+
+/// A body that ends before the latencies is of a box that did not count them yet.
+fn take_health(body: &[u8]) -> Result<(Health, &[u8]), BodyError> {
+    let (mut health, mut rest) = take::<Health>(body)?;
+    if !rest.is_empty() {
+        let (latency, behind) = take(rest)?;
+        (health.latency, rest) = (Some(latency), behind);
+    }
+    Ok((health, rest))
 }
 
 /// Writes fields; the bytes written.

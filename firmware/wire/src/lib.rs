@@ -27,8 +27,9 @@ pub use event::{Event, LostReason, What};
 pub use frame::{EncodeError, encode, frame};
 pub use marker::{Centres, MAX_MARKERS, Marker, Markers, PACKED_MARKER};
 pub use record::{
-    Health, Hello, LOOP_TIME_BUCKETS, MAX_FIRMWARE, MAX_MARK, MAX_NAME, MAX_SETUP_PIECE, Mark, Motion, Ping,
-    Pong, Pose, PoseFlags, Rest, SetupPiece, TimeSync,
+    EXPOSURE_TO_LINE_BITS, Health, Hello, Histogram, LOOP_TIME_BUCKETS, Latency, MAX_FIRMWARE, MAX_MARK,
+    MAX_NAME, MAX_SETUP_PIECE, Mark, Motion, Ping, Pong, Pose, PoseFlags, Rest, SetupPiece, TimeSync,
+    WAKE_UP_BITS,
 };
 pub use size::{FRAME_LIMIT, MAX_FRAME};
 

@@ -172,6 +172,61 @@ pub struct Health {
     pub temperature_centi_c: Option<i16>,
     /// Free space for the log, bytes.
     pub free_bytes: Option<u64>,
+    /// Latencies since the last `Health`; `None` in records of a box that did not count them yet.
+    #[serde(skip)]
+    pub latency: Option<Latency>,
+}
+
+/// Where the time of a frame goes outside the loop. These fields came behind the first ones of `Health`: they are on the
+/// line all or not at all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Latency {
+    /// From the end of a frame's readout, where the camera tells it, to the frame loop: buckets from
+    /// 2^[`WAKE_UP_BITS`] ns on.
+    pub wake_up: Histogram,
+    /// From mid-exposure to the last byte of the frame's `Pose` handed to the line: buckets from
+    /// 2^[`EXPOSURE_TO_LINE_BITS`] ns on.
+    pub exposure_to_line: Histogram,
+}
+
+/// Bucket 0 of the wake-up latency begins at 2^9 ns = 0.5 us, bucket 15 at 16.8 ms, as for loop times.
+pub const WAKE_UP_BITS: u32 = 9;
+/// Bucket 0 of the time from exposure to line begins at 2^16 ns = 66 us, bucket 15 at 2.1 s.
+pub const EXPOSURE_TO_LINE_BITS: u32 = 16;
+
+/// How often a time was how long.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Histogram {
+    /// Bucket `i` counts times from 2^(i + bits) up to 2^(i + bits + 1) ns, with the `bits` of the first bucket; the first
+    /// and the last bucket take what is below and above.
+    pub counts: [u16; LOOP_TIME_BUCKETS],
+    /// Longest time, ns; more than 4.29 s are not told apart.
+    pub longest_ns: u32,
+}
+
+impl Histogram {
+    /// Counts a time, ns. The first bucket begins at 2^`bits` ns.
+    pub fn note(&mut self, ns: u64, bits: u32) {
+        let ns = u32::try_from(ns).unwrap_or(u32::MAX);
+        self.longest_ns = self.longest_ns.max(ns);
+        let bucket = (ns | 1).ilog2().saturating_sub(bits) as usize;
+        if let Some(count) = self.counts.get_mut(bucket.min(LOOP_TIME_BUCKETS - 1)) {
+            *count = count.saturating_add(1);
+        }
+    }
+
+    /// Counts what another one has counted.
+    pub fn merge(&mut self, other: &Self) {
+        for (count, more) in self.counts.iter_mut().zip(other.counts) {
+            *count = count.saturating_add(more);
+        }
+        self.longest_ns = self.longest_ns.max(other.longest_ns);
+    }
+
+    /// Times counted; a bucket counts no more than 65,535.
+    pub fn total(&self) -> u32 {
+        self.counts.iter().map(|count| u32::from(*count)).sum()
+    }
 }
 
 /// How the box's monotonic clock stands to UTC.

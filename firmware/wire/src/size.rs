@@ -43,9 +43,11 @@ pub const REST: usize = framed(2 * VAR_32 + VAR_16 + 4 * 8 + 3 * 8 + 21 * 4);
 pub const POSE: usize = framed(VAR_32 + 8 + VAR_16 + 1 + TAG + 3 * 4 + 3 * 4 + 6 * 2 + 2);
 /// Longest `Event`: frame, time, number, text of a mark.
 pub const EVENT: usize = framed(VAR_32 + 8 + 1 + text(MAX_MARK));
-/// Longest `Health`: time, three counts, high water, histogram, maximum, temperature, free space.
-pub const HEALTH: usize =
-    framed(8 + 3 * VAR_32 + VAR_16 + LOOP_TIME_BUCKETS * VAR_16 + VAR_32 + (TAG + VAR_16) + (TAG + VAR_64));
+/// A histogram: its counts and the longest time.
+const HISTOGRAM: usize = LOOP_TIME_BUCKETS * VAR_16 + VAR_32;
+
+/// Longest `Health`: time, three counts, high water, loop times, temperature, free space, two latencies.
+pub const HEALTH: usize = framed(8 + 3 * VAR_32 + VAR_16 + 3 * HISTOGRAM + (TAG + VAR_16) + (TAG + VAR_64));
 /// Longest `TimeSync`: time, offset, uncertainty.
 pub const TIME_SYNC: usize = framed(8 + (TAG + VAR_64) + VAR_64);
 /// Longest `Pong`: number and two times.

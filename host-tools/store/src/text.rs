@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use gangway_wire::{Decoded, Event, Health, Hello, Markers, Motion, Pose, Record, Rest, What, kind};
+use gangway_wire::{Decoded, Event, Health, Hello, Latency, Markers, Motion, Pose, Record, Rest, What, kind};
 
 use crate::meta::hex;
 use crate::rows::flag_words;
@@ -269,6 +269,13 @@ fn describe_health(health: &Health, fields: &mut Fields) {
     fields.plain("loop_time_max_ns", health.loop_time_max_ns);
     fields.optional("temperature_c", health.temperature_centi_c.map(|centi| f64::from(centi) / 100.0));
     fields.optional("free_bytes", health.free_bytes);
+    if let Some(latency) = &health.latency {
+        let Latency { wake_up, exposure_to_line } = latency;
+        fields.list("wake_up_counts", wake_up.counts.iter().map(ToString::to_string));
+        fields.plain("wake_up_max_ns", wake_up.longest_ns);
+        fields.list("exposure_to_line_counts", exposure_to_line.counts.iter().map(ToString::to_string));
+        fields.plain("exposure_to_line_max_ns", exposure_to_line.longest_ns);
+    }
 }
 
 #[cfg(test)]
@@ -304,7 +311,8 @@ mod tests {
             covariance: [0.25; 21],
         };
         let lost = What::MarkerLost { circle: 3, reason: LostReason::Neighbour };
-        let health = Health { temperature_centi_c: Some(4150), ..Health::default() };
+        let latency = Some(Latency::default());
+        let health = Health { temperature_centi_c: Some(4150), latency, ..Health::default() };
         for record in [
             Record::Setup(SetupPiece { digest: [1; 16], index: 0, count: 1, text: "a = \"b\"\n" }),
             Record::Rest(rest),
@@ -365,6 +373,7 @@ mod tests {
         assert_eq!((&event["circle"], &event["reason"]), (&3.into(), &"neighbour".into()));
         let health = all.iter().map(|line| value(line)).find(|v| v["kind"] == "health").unwrap();
         assert_eq!((&health["temperature_c"], &health["free_bytes"]), (&41.5.into(), &Value::Null));
+        assert_eq!(health["exposure_to_line_counts"].as_array().map(Vec::len), Some(16));
     }
 
     #[test]

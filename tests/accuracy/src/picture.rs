@@ -198,7 +198,7 @@ impl Scene {
         });
         match self.layout() {
             Layout::Byte { .. } => levels.map(|level| level as u8).collect(),
-            Layout::Word { .. } => levels.flat_map(u16::to_le_bytes).collect(),
+            _ => levels.flat_map(u16::to_le_bytes).collect(),
         }
     }
 

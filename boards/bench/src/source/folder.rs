@@ -3,8 +3,6 @@
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-use gangway_device::Layout;
-
 use super::{FrameSource, Shape, SourceError, pgm, png};
 
 /// The pictures of a directory; other files in it are passed over.
@@ -83,11 +81,7 @@ fn read(file: &Path, into: &mut Vec<u8>) -> Result<(Shape, bool), SourceError> {
 }
 
 fn describe(shape: &Shape) -> String {
-    let bits = match shape.layout {
-        Layout::Word { bits } => bits,
-        Layout::Byte { .. } => 8,
-    };
-    format!("{} x {} with {bits} bit", shape.width, shape.height)
+    format!("{} x {} with {} bit", shape.width, shape.height, shape.layout.bits())
 }
 
 /// `frame9` before `frame10`: runs of digits compare as numbers.

@@ -271,3 +271,69 @@ fn over_a_socket_everything_arrives_and_commands_come_back() {
         assert!(commands.contains(&Command::Mark("here".try_into().unwrap())));
     });
 }
+
+#[test]
+fn poses_are_timed_from_exposure_to_line_and_a_cut_one_is_not() {
+    // Half a second after the start of the clock, so that times are told at once.
+    const NOW_NS: u64 = 1_000_000_000;
+    let (mut outbox, mut inbox) = (Outbox::new(), Inbox::new());
+    let ((mut put, outbox), (inbox, mut take)) = (outbox.split(), inbox.split());
+    let link = Scripted::default();
+    let mut courier = Courier::new(outbox, inbox, link.clone()).timing(|| NOW_NS);
+    let pose = |late_ms: u64| {
+        let exposed_ns = NOW_NS - late_ms * 1_000_000;
+        Packet { kind: kind::POSE, exposed_ns, ..packet(b"pose") }
+    };
+    for packet in [pose(30), packet(b"other"), pose(3), pose(70)] {
+        put.enqueue(packet).unwrap();
+    }
+    // Both first poses, the record between them, and the half of the third.
+    *link.0.borrow_mut() = Script { room: 5 + 6 + 5 + 2, is_connected: true, ..Script::default() };
+    courier.turn().unwrap();
+    link.0.borrow_mut().is_connected = false;
+    courier.turn().unwrap();
+    let Some(Command::Delivered(times)) = take.dequeue() else { panic!("times") };
+    // From 2^(16 + 8) = 16.8 ms on, and from 2^(16 + 5) = 2.1 ms on.
+    assert_eq!((times.counts[8], times.counts[5], times.total()), (1, 1, 2));
+    assert_eq!(times.longest_ns, 30_000_000);
+    assert_eq!(courier.carried().cut, 1);
+    assert_eq!(take.dequeue(), None);
+}
+
+#[test]
+fn a_log_has_every_record_while_nobody_listens_and_those_that_a_narrow_line_leaves_out() {
+    let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
+    let ((mut put, outbox), (inbox, mut take)) = (outbox.split(), inbox.split());
+    let kept = std::sync::Mutex::new(Vec::<u8>::new());
+    let link = Scripted::default();
+    let mut courier = Courier::new(outbox, inbox, link.clone())
+        .thinning()
+        .keeping(|record| kept.lock().unwrap().extend(record));
+    let mut all = Vec::new();
+    // Nobody is connected: four times as many as the outbox holds.
+    for i in 0..4 * OUTBOX_SLOTS {
+        let packet = packet(format!("{i}").as_bytes());
+        all.extend_from_slice(&packet.bytes);
+        put.enqueue(packet).expect("the log makes room");
+        courier.turn().unwrap();
+    }
+    let left_out = courier.carried().thinned;
+    assert!(left_out > 3 * OUTBOX_SLOTS as u64, "{left_out}");
+    assert_eq!(take.dequeue(), None, "told when somebody is there");
+    *link.0.borrow_mut() = Script { room: usize::MAX, is_connected: true, ..Script::default() };
+    courier.turn().unwrap();
+    courier.turn().unwrap();
+    assert_eq!(take.dequeue(), Some(Command::Thinned { count: left_out as u32 }));
+    assert_eq!(*kept.lock().unwrap(), all);
+    assert!(all.ends_with(&link.0.borrow().sent[2..]), "and the line has the latest");
+
+    // A line that takes nothing any more: at the end the log has what waits.
+    *link.0.borrow_mut() = Script { is_connected: true, ..Script::default() };
+    for text in [&b"last"[..], b"two"] {
+        put.enqueue(packet(text)).unwrap();
+        all.extend_from_slice(text);
+        all.push(0);
+    }
+    assert_eq!(courier.drain(Duration::ZERO).unwrap(), 2);
+    assert_eq!(*kept.lock().unwrap(), all);
+}

@@ -49,9 +49,11 @@ const LUMA_SECOND: Layout = Layout::Byte { step: 2, offset: 1 };
 
 /// All of them, the best first: real depth, then the fewest bytes, then a luma made from colours, and last a
 /// mosaic, whose samples do not even see the same light.
-const FORMATS: [PixelFormat; 11] = [
+const FORMATS: [PixelFormat; 13] = [
+    entry(b"Y12P", Layout::Packed { bits: 12 }, SampleFormat::Y12p),
     entry(b"Y12 ", Layout::Word { bits: 12 }, SampleFormat::Y12),
     entry(b"Y16 ", Layout::Word { bits: 16 }, SampleFormat::Y16),
+    entry(b"Y10P", Layout::Packed { bits: 10 }, SampleFormat::Y10p),
     entry(b"Y10 ", Layout::Word { bits: 10 }, SampleFormat::Y10),
     entry(b"GREY", Layout::GREY, SampleFormat::Grey),
     entry(b"NV12", Layout::GREY, SampleFormat::Nv12),
@@ -75,9 +77,9 @@ mod tests {
 
     #[test]
     fn the_deepest_format_comes_first_and_a_mosaic_last() {
-        let device = [*b"MJPG", *b"RGGB", *b"YUYV", *b"GREY", *b"Y10 "];
+        let device = [*b"MJPG", *b"RGGB", *b"YUYV", *b"GREY", *b"Y10 ", *b"Y10P"];
         let found: Vec<_> = candidates(&device, SampleFormat::Auto).iter().map(|f| f.to_string()).collect();
-        assert_eq!(found, ["Y10", "GREY", "YUYV", "RGGB"]);
+        assert_eq!(found, ["Y10P", "Y10", "GREY", "YUYV", "RGGB"]);
     }
 
     #[test]

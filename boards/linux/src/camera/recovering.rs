@@ -162,6 +162,7 @@ impl<S: Source> Camera for Recovering<S> {
         let Some(stream) = &self.stream else { return Err(CameraErrorKind::Waiting) };
         let shape = stream.shape();
         Frame::new(stream.picture(), shape.size, shape.stride, shape.layout, number, stamp.time_ns)
+            .map(|frame| frame.complete_at(stamp.complete_ns))
             .map_err(|_| CameraErrorKind::Corrupt)
     }
 
@@ -211,6 +212,7 @@ mod tests {
             picture.map(|(sequence, time_ns)| Stamp {
                 sequence,
                 time_ns,
+                complete_ns: Some(time_ns),
                 source: TimeSource::EndOfFrame,
                 is_damaged: sequence == 99,
             })

@@ -79,11 +79,13 @@ pub struct OpenError {
 }
 
 impl OpenError {
-    pub(crate) fn absent(sentence: String) -> Self {
+    /// It may come.
+    pub fn absent(sentence: String) -> Self {
         Self { kind: OpenErrorKind::Absent, sentence }
     }
 
-    pub(crate) fn unfit(sentence: String) -> Self {
+    /// It cannot do what the setup asks.
+    pub fn unfit(sentence: String) -> Self {
         Self { kind: OpenErrorKind::Unfit, sentence }
     }
 }

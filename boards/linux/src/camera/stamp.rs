@@ -15,6 +15,8 @@ pub struct Shutter {
 pub enum TimeSource {
     /// The first line begins to be exposed.
     StartOfExposure,
+    /// The first line has been exposed and begins to be read.
+    StartOfReadout,
     /// The last line has been read.
     EndOfFrame,
     /// A clock of its own or none: the time of arrival stands in for the end of the frame.
@@ -28,6 +30,8 @@ pub struct Stamp {
     pub sequence: u32,
     /// Monotonic clock at the middle of the middle line's exposure, ns.
     pub time_ns: u64,
+    /// Monotonic clock at the end of the readout, ns; `None` where the device does not tell it.
+    pub complete_ns: Option<u64>,
     /// Where that time comes from.
     pub source: TimeSource,
     /// The device says that the picture is damaged.
@@ -40,7 +44,23 @@ impl Shutter {
         let half = (self.exposure_ns + self.readout_ns) / 2;
         match source {
             TimeSource::StartOfExposure => noted_ns.saturating_add(half),
+            TimeSource::StartOfReadout => {
+                noted_ns.saturating_add(self.readout_ns / 2).saturating_sub(self.exposure_ns / 2)
+            }
             TimeSource::EndOfFrame | TimeSource::Arrival => noted_ns.saturating_sub(half),
+        }
+    }
+
+    /// The end of the readout, ns: not known from a start without the exposure, nor from the arrival.
+    pub fn end(&self, source: TimeSource, noted_ns: u64) -> Option<u64> {
+        match source {
+            TimeSource::StartOfExposure if self.exposure_ns == 0 => None,
+            TimeSource::StartOfExposure => {
+                Some(noted_ns.saturating_add(self.exposure_ns).saturating_add(self.readout_ns))
+            }
+            TimeSource::StartOfReadout => Some(noted_ns.saturating_add(self.readout_ns)),
+            TimeSource::EndOfFrame => Some(noted_ns),
+            TimeSource::Arrival => None,
         }
     }
 }
@@ -59,6 +79,21 @@ pub(crate) fn source(is_monotonic: bool, is_start: bool, noted_ns: u64, now_ns: 
     }
 }
 
+/// A time that the boot clock or the monotonic one has noted, as one of the monotonic clock, ns: they differ by the time
+/// that the board was suspended. `None` where neither can have noted it just now.
+pub fn of_either_clock(noted_ns: u64, monotonic_ns: u64, boottime_ns: u64) -> Option<u64> {
+    let is_recent = |now_ns: u64| noted_ns <= now_ns && now_ns - noted_ns <= OLDEST_NS;
+    if noted_ns == 0 {
+        None
+    } else if is_recent(monotonic_ns) {
+        Some(noted_ns)
+    } else if is_recent(boottime_ns) {
+        noted_ns.checked_sub(boottime_ns.saturating_sub(monotonic_ns))
+    } else {
+        None
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,7 +103,13 @@ mod tests {
         // The first line is exposed from 100,000 to 104,000, the last one, 6,000 later, to 110,000.
         let shutter = Shutter { exposure_ns: 4_000, readout_ns: 6_000 };
         assert_eq!(shutter.middle(TimeSource::StartOfExposure, 100_000), 105_000);
+        assert_eq!(shutter.middle(TimeSource::StartOfReadout, 104_000), 105_000);
         assert_eq!(shutter.middle(TimeSource::EndOfFrame, 110_000), 105_000);
+        assert_eq!(shutter.end(TimeSource::StartOfExposure, 100_000), Some(110_000));
+        assert_eq!(shutter.end(TimeSource::StartOfReadout, 104_000), Some(110_000));
+        assert_eq!(shutter.end(TimeSource::EndOfFrame, 110_000), Some(110_000));
+        assert_eq!(shutter.end(TimeSource::Arrival, 110_000), None);
+        assert_eq!(Shutter { exposure_ns: 0, ..shutter }.end(TimeSource::StartOfExposure, 1), None);
     }
 
     #[test]
@@ -80,6 +121,18 @@ mod tests {
             [(false, now - 1), (true, 0), (true, now + 1), (true, now - OLDEST_NS - 1)]
         {
             assert_eq!(source(is_monotonic, true, noted, now), TimeSource::Arrival, "{noted}");
+        }
+    }
+
+    #[test]
+    fn a_time_of_the_boot_clock_is_one_of_the_monotonic_clock_less_the_time_asleep() {
+        let (monotonic, asleep) = (50_000_000_000, 20_000_000_000);
+        let boottime = monotonic + asleep;
+        assert_eq!(of_either_clock(monotonic - 5, monotonic, boottime), Some(monotonic - 5));
+        assert_eq!(of_either_clock(boottime - 5, monotonic, boottime), Some(monotonic - 5));
+        assert_eq!(of_either_clock(monotonic - 5, monotonic, monotonic), Some(monotonic - 5), "never asleep");
+        for noted in [0, boottime + 1, monotonic - OLDEST_NS - 1] {
+            assert_eq!(of_either_clock(noted, monotonic, boottime), None, "{noted}");
         }
     }
 }

@@ -279,7 +279,9 @@ impl Stream for V4l2Stream {
         if source == TimeSource::Arrival && !std::mem::replace(&mut self.has_said_clock, true) {
             self.notices.mark("the camera's clock is not monotonic: times are of arrival");
         }
-        Ok(Stamp { sequence, time_ns: self.shutter.middle(source, noted_ns), source, is_damaged })
+        let (time_ns, complete_ns) =
+            (self.shutter.middle(source, noted_ns), self.shutter.end(source, noted_ns));
+        Ok(Stamp { sequence, time_ns, complete_ns, source, is_damaged })
     }
 
     fn picture(&self) -> &[u8] {

@@ -97,6 +97,9 @@ fn every_layout_gives_the_same_centre() {
         let word = look(&picture, Layout::Word { bits }, &search).unwrap();
         // Rounding to 8 bits moves a centre by less than 0.003 px: 1/12 level^2 over some 100 edge pixels.
         assert!(error(&word, grey.centre.at) < 0.003, "{bits} bits");
+        if let 10 | 12 = bits {
+            assert_eq!(look(&picture, Layout::Packed { bits }, &search).unwrap(), word);
+        }
     }
 }
 

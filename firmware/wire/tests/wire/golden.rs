@@ -6,9 +6,15 @@ use gangway_wire::*;
 
 /// The frames of all golden records, in the order of this file, with running numbers from 0.
 const CAPTURE: &[u8] = include_bytes!("version_1.gw");
+/// Likewise, of records with fields that came behind those of the first capture.
+const BEHIND: &[u8] = include_bytes!("version_1_behind.gw");
 
 /// Checks `record`, number `sequence` of the golden capture, against its body's fields and its checksum.
 fn check(record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u32) {
+    check_in(CAPTURE, record, sequence, kind, fields, checksum);
+}
+
+fn check_in(capture: &[u8], record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u32) {
     let expected = fields.concat();
     let mut body = [0; MAX_FRAME];
     let length = encode_body(record, &mut body).unwrap();
@@ -23,7 +29,7 @@ fn check(record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u
     let whole = [&sequence.to_le_bytes()[..], &[kind], &expected, &checksum.to_le_bytes()].concat();
     assert_eq!(raw[..unstuffed.frame_size()], whole, "frame of {record:?}");
     assert_eq!(line[length - 1], 0);
-    assert_eq!(CAPTURE.split_inclusive(|&byte| byte == 0).nth(sequence as usize), Some(&line[..length]));
+    assert_eq!(capture.split_inclusive(|&byte| byte == 0).nth(sequence as usize), Some(&line[..length]));
 
     let mut decoder = Decoder::new();
     let (decoded, rest) = decoder.feed(&line[..length]);
@@ -274,6 +280,7 @@ fn health() {
         loop_time_max_ns: 2_100_000,
         temperature_centi_c: Some(-1250),
         free_bytes: Some(64 << 30),
+        latency: None,
     });
     let fields: &[&[u8]] = &[
         &[2, 0, 0, 0, 0, 0, 0, 0],                       // time
@@ -292,6 +299,30 @@ fn health() {
     let record = Record::Health(Health::default());
     // Time, three counts, high water, histogram, maximum, and the tags of two fields that are not there.
     check(&record, 35, 7, &[&[0; 8 + 3 + 1 + 16 + 1 + 2]], 0xAF30_1947);
+}
+
+#[test]
+fn health_with_latencies() {
+    let (mut wake_up, mut exposure_to_line) = (Histogram::default(), Histogram::default());
+    for ns in [700, 40_000, 41_000] {
+        wake_up.note(ns, WAKE_UP_BITS);
+    }
+    for _ in 0..200 {
+        exposure_to_line.note(30_000_000, EXPOSURE_TO_LINE_BITS);
+    }
+    let latency = Some(Latency { wake_up, exposure_to_line });
+    let record = Record::Health(Health { time_ns: 2, frames: 3, latency, ..Health::default() });
+    let fields: &[&[u8]] = &[
+        &[2, 0, 0, 0, 0, 0, 0, 0],                         // time
+        &[3],                                              // frames
+        &[0; 2 + 1 + 16 + 1 + 2],                          // as in a record without them
+        &[1, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0], // wake-up: 512 ns on, 32,768 ns on
+        &[0xA8, 0xC0, 0x02],                               // longest: 41,000 ns
+        &[0, 0, 0, 0, 0, 0, 0, 0, 0xC8, 0x01],             // exposure to line, buckets 0 to 8: 16.8 ms on
+        &[0; 7],                                           // buckets 9 to 15
+        &[0x80, 0x87, 0xA7, 0x0E],                         // longest: 30,000,000 ns
+    ];
+    check_in(BEHIND, &record, 0, 7, fields, 0xF68D_61FE);
 }
 
 #[test]

@@ -89,6 +89,13 @@ fn no_record_is_longer_than_its_worst_case_and_some_record_is_as_long() {
                 loop_time_max_ns: u32::MAX,
                 temperature_centi_c: Some(i16::MIN),
                 free_bytes: Some(u64::MAX),
+                latency: Some(Latency {
+                    wake_up: Histogram { counts: [u16::MAX; LOOP_TIME_BUCKETS], longest_ns: u32::MAX },
+                    exposure_to_line: Histogram {
+                        counts: [u16::MAX; LOOP_TIME_BUCKETS],
+                        longest_ns: u32::MAX,
+                    },
+                }),
             }),
         ),
         (

@@ -21,6 +21,25 @@ fn event(number: u8, fields: &[u8]) -> Vec<u8> {
     body
 }
 
+/// What a decoder does that knows `Health` without its latencies: they are bytes behind the known fields. And the other
+/// way round: a record without them is whole.
+#[test]
+fn health_of_a_box_that_did_not_count_latencies_is_whole() {
+    let latency =
+        Some(Latency { wake_up: Histogram { counts: [7; 16], longest_ns: 9 }, ..Latency::default() });
+    let now = body(&Record::Health(Health { frames: 5, latency, ..Health::default() }));
+    let before = body(&Record::Health(Health { frames: 5, ..Health::default() }));
+    assert_eq!(now[..before.len()], before);
+    assert_eq!(now.len(), before.len() + 2 * 17);
+    assert!(
+        matches!(decode_body(kind::HEALTH, &before), Ok((Record::Health(health), false)) if health.latency.is_none())
+    );
+    // Not all of them: that is no record of any version.
+    for end in before.len() + 1..now.len() {
+        assert_eq!(decode_body(kind::HEALTH, &now[..end]), Err(BodyError::Malformed), "{end} bytes");
+    }
+}
+
 #[test]
 fn an_unknown_kind_is_skipped_and_counted_apart() {
     // As long as a frame may be, which is longer than any record of this version.
@@ -92,7 +111,7 @@ fn fields_behind_the_known_ones_do_not_hide_the_record() {
         Record::Pose(Pose { frame: 1, time_ns: 2, flags: PoseFlags(0), markers: 0, motion: None }),
         Record::Markers(centres.markers(1)),
         Record::Event(Event { frame: 1, time_ns: 2, what: What::FramesMissed { count: 3 } }),
-        Record::Health(Health::default()),
+        Record::Health(Health { latency: Some(Latency::default()), ..Health::default() }),
         Record::TimeSync(TimeSync { time_ns: 1, utc_offset_ns: None, uncertainty_ns: 0 }),
         Record::Pong(Pong { number: 1, host_time_ns: 2, time_ns: 3 }),
         Record::SetRest,

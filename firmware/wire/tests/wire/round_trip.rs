@@ -182,6 +182,7 @@ proptest! {
         times in uniform4(any::<u64>()), counts in uniform4(any::<u32>()), queue_high_water: u16,
         loop_time in uniform16(any::<u16>()), temperature_centi_c in option::of(any::<i16>()),
         free_bytes in option::of(any::<u64>()), utc_offset_ns in option::of(any::<i64>()),
+        longest in option::of(any::<u32>()),
     ) {
         let [time_ns, host_time_ns, uncertainty_ns, _] = times;
         let [frames, frames_missed, records_lost, loop_time_max_ns] = counts;
@@ -195,6 +196,10 @@ proptest! {
             loop_time_max_ns,
             temperature_centi_c,
             free_bytes,
+            latency: longest.map(|longest_ns| {
+                let histogram = Histogram { counts: loop_time, longest_ns };
+                Latency { wake_up: Histogram::default(), exposure_to_line: histogram }
+            }),
         });
         over_the_line(&health, frames, |got| got == &health)?;
         let sync = Record::TimeSync(TimeSync { time_ns, utc_offset_ns, uncertainty_ns });
