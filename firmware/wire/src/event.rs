@@ -87,6 +87,48 @@ pub enum What<'a> {
     },
     /// A new setup was taken over.
     SetupChanged,
+    /// The camera has left its place on its own carbody, or may have.
+    CameraMoved {
+        /// What tells it.
+        evidence: MoveEvidence,
+        /// How far the camera has moved, or what is seen through it, mm.
+        shift_mm: f32,
+        /// How far it has turned, degrees.
+        turn_deg: f32,
+    },
+    /// The camera shakes in its place, as its reference targets show; told again when that has doubled or halved, and
+    /// with zeros when it is over.
+    CameraShaking {
+        /// Root mean square of its shift over a second, mm.
+        shift_mm: f32,
+        /// Root mean square of its turn, degrees.
+        turn_deg: f32,
+    },
+}
+
+/// What tells that the camera has moved; the numbers never change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum MoveEvidence {
+    /// Reference targets on its own carbody: it has, and the measured motion goes on without it.
+    References = 0,
+    /// A step from one frame to the next that no train can make: it probably has.
+    Shock = 1,
+    /// The train stands, and not where it stood at rest: it may have.
+    Standing = 2,
+    /// Evidence that this version does not know.
+    Other = 255,
+}
+
+impl MoveEvidence {
+    fn from_number(number: u8) -> Self {
+        match number {
+            0 => Self::References,
+            1 => Self::Shock,
+            2 => Self::Standing,
+            _ => Self::Other,
+        }
+    }
 }
 
 /// Why a circle is not seen; the numbers never change.
@@ -163,6 +205,8 @@ impl What<'_> {
             What::Mark { .. } => 16,
             What::CommandRefused { .. } => 17,
             What::SetupChanged => 18,
+            What::CameraMoved { .. } => 24,
+            What::CameraShaking { .. } => 25,
         }
     }
 }
@@ -195,6 +239,10 @@ impl<'a> Event<'a> {
                 put(&text, out)?
             }
             What::CommandRefused { kind } => put(&kind, out)?,
+            What::CameraMoved { evidence, shift_mm, turn_deg } => {
+                put(&(evidence as u8, shift_mm, turn_deg), out)?
+            }
+            What::CameraShaking { shift_mm, turn_deg } => put(&(shift_mm, turn_deg), out)?,
         };
         Ok(length + fields)
     }
@@ -233,6 +281,15 @@ impl<'a> Event<'a> {
             }
             17 => take(rest).map(|(kind, rest)| (What::CommandRefused { kind }, rest))?,
             18 => (What::SetupChanged, rest),
+            24 => {
+                let ((evidence, shift_mm, turn_deg), rest) = take(rest)?;
+                let evidence = MoveEvidence::from_number(evidence);
+                (What::CameraMoved { evidence, shift_mm, turn_deg }, rest)
+            }
+            25 => {
+                let ((shift_mm, turn_deg), rest) = take(rest)?;
+                (What::CameraShaking { shift_mm, turn_deg }, rest)
+            }
             _ => return Err(BodyError::Newer),
         };
         Ok((Event { frame: head.frame, time_ns: head.time_ns, what }, rest))

@@ -122,6 +122,11 @@ impl PoseFlags {
     pub const CORRUPT: Self = Self(1 << 7);
     /// Fewer than 7 in 10 of the circles that should be in the picture went into the pose.
     pub const SPARSE: Self = Self(1 << 8);
+    /// The camera may have moved on its carbody since rest, and no reference targets tell: the motion may be its own.
+    pub const CAMERA_MOVED: Self = Self(1 << 12);
+    /// There are reference targets, and this frame does not show them: the motion is against the place where they were
+    /// seen before, with what the camera has shaken about it in the standard deviations.
+    pub const UNREFERENCED: Self = Self(1 << 13);
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {

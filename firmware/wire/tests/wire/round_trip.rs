@@ -45,7 +45,7 @@ fn any_text(limit: usize) -> impl Strategy<Value = String> {
 }
 
 fn any_what() -> impl Strategy<Value = (u8, u8, u32, String)> {
-    (0..18_u8, any::<u8>(), any::<u32>(), any_text(MAX_MARK))
+    (0..20_u8, any::<u8>(), any::<u32>(), any_text(MAX_MARK))
 }
 
 fn what<'t>((choice, small, count, text): &'t (u8, u8, u32, String)) -> What<'t> {
@@ -68,7 +68,13 @@ fn what<'t>((choice, small, count, text): &'t (u8, u8, u32, String)) -> What<'t>
         14 => What::CameraReopened,
         15 => What::Mark { text },
         16 => What::CommandRefused { kind: *small },
-        _ => What::SetupChanged,
+        17 => What::SetupChanged,
+        18 => What::CameraMoved {
+            evidence: MoveEvidence::Shock,
+            shift_mm: count as f32,
+            turn_deg: f32::from(*small),
+        },
+        _ => What::CameraShaking { shift_mm: count as f32, turn_deg: f32::from(*small) },
     }
 }
 
