@@ -21,6 +21,7 @@ mod file;
 mod keys;
 mod light;
 mod motion;
+mod mount;
 mod occluder;
 mod optics;
 mod output;
