@@ -2,8 +2,7 @@
 //!
 //! ```text
 //! Camera -> Frame -> windows -> rings -> pose -> motion -> records -> Outbox -> (link thread) -> host
-//!           arrive   follow     look     solve,  relate    record
-//!                                        keep
+//!           arrive   '------ measure -------'    relate    record
 //! ```
 //!
 //! A step never allocates, never panics, writes no text and waits nowhere but for the camera's next frame.
@@ -11,13 +10,20 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 mod acquire;
 mod announce;
+mod carbody;
 mod engine;
 mod health;
 mod keep;
 mod light;
+mod mount;
+mod moved;
 mod outbox;
+mod own;
 mod predict;
 mod recorder;
 mod report;
@@ -26,7 +32,7 @@ mod settings;
 mod visibility;
 mod windows;
 
-pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
+pub use engine::{Board, Engine, Identity, Look, MAX_RECORDS_PER_STEP, Step};
 pub use gangway_wire::{MAX_MARK, MAX_NAME};
 pub use outbox::{
     Command, INBOX_SLOTS, Inbox, InboxConsumer, InboxProducer, OUTBOX_SLOTS, Outbox, OutboxConsumer,

@@ -87,8 +87,8 @@ fn every_kind_of_mistake_has_its_sentence() {
         ),
         (
             "# carbody = 2",
-            "carbody = 1",
-            "40: target[0].carbody is 1; targets on the camera's own carbody are not measured yet, it must be 2",
+            "carbody = 3",
+            "40: target[0].carbody is 3; it must be a whole number between 1 and 2",
         ),
         (
             "# kind = \"printed\"",
