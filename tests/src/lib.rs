@@ -1,8 +1,12 @@
 //! What the whole-flow tests share: a short simulated ride, a board that plays it, and the programs.
 
 mod board;
+pub mod drawing;
 pub mod guest;
+pub mod keeping;
 mod programs;
+mod scenes;
 
 pub use board::{Ended, Loop, Ride};
 pub use programs::{bench, emulated_bench, gangway, sentence};
+pub use scenes::Keeping;

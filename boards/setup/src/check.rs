@@ -171,15 +171,6 @@ impl Document<'_> {
     }
 
     fn check_plate(&mut self, path: &str, target: &Target) {
-        if target.carbody == 1 {
-            let path = format!("{path}.carbody");
-            self.at_path(
-                &path,
-                format!(
-                    "{path} is 1; targets on the camera's own carbody are not measured yet, it must be 2"
-                ),
-            );
-        }
         for (axis, name) in [(target.u, "u"), (target.v, "v")] {
             let length = norm(axis);
             if (length - 1.0).abs() > AXIS_TOLERANCE {
@@ -265,64 +256,76 @@ impl Document<'_> {
 
     /// What holds over all targets.
     fn check_all(&mut self, parts: &Parts) {
-        let circles: Vec<Vector> = parts.targets.iter().flat_map(points).collect();
-        if circles.len() > MAX_CIRCLES {
+        let circles: usize = parts.targets.iter().map(|target| target.circles_mm.len()).sum();
+        if circles > MAX_CIRCLES {
             self.at(
                 None,
-                format!("has {} circles over all targets; it must be {MAX_CIRCLES} at most", circles.len()),
+                format!("has {circles} circles over all targets; it must be {MAX_CIRCLES} at most"),
             );
             return;
         }
+        let all = if parts.targets.iter().any(|target| target.carbody == 1) {
+            self.check_carbody(parts, 1, "all targets with carbody = 1");
+            "all targets with carbody = 2"
+        } else {
+            "all targets"
+        };
+        self.check_carbody(parts, 2, all);
+        self.check_plates_apart(parts);
+        self.check_seeds_apart(parts);
+    }
+
+    /// What holds over all targets of one carbody, whose pose they give.
+    fn check_carbody(&mut self, parts: &Parts, carbody: u8, all: &str) {
+        let targets = || parts.targets.iter().filter(|target| target.carbody == carbody);
+        let circles: Vec<Vector> = targets().flat_map(points).collect();
         if circles.len() < FEWEST_CIRCLES {
             self.at(
                 None,
-                format!(
-                    "has {} circles over all targets; a pose needs at least {FEWEST_CIRCLES}",
-                    circles.len()
-                ),
+                format!("has {} circles over {all}; a pose needs at least {FEWEST_CIRCLES}", circles.len()),
             );
             return;
         }
         let fewest = usize::from(parts.solver.min_circles);
         if fewest > circles.len() && self.is_clean("solver.min_circles") {
+            let more = if all == "all targets" {
+                "there are no more circles"
+            } else {
+                "a carbody has no more circles"
+            };
             self.at_path(
                 "solver.min_circles",
-                format!(
-                    "solver.min_circles is {fewest}; it must be {} at most, as there are no more circles",
-                    circles.len()
-                ),
+                format!("solver.min_circles is {fewest}; it must be {} at most, as {more}", circles.len()),
             );
         }
-        self.check_plates_apart(parts);
+        let of = if all == "all targets" { String::new() } else { format!(" over {all}") };
         if is_line(&circles) {
             self.at(
                 None,
-                "has all its circles on one line; no pose can be told from them, set one further off it"
-                    .to_owned(),
+                format!("has all its circles{of} on one line; no pose can be told from them, set one further off it"),
             );
         }
         let seeds: Vec<Vector> =
-            parts.targets.iter().flat_map(|target| &target.seeds_px).map(|[u, v]| [*u, *v, 0.0]).collect();
+            targets().flat_map(|target| &target.seeds_px).map(|[u, v]| [*u, *v, 0.0]).collect();
         if seeds.is_empty() {
-            self.check_patterns(parts);
+            self.check_patterns(parts, carbody, &of);
         } else if seeds.len() < FEWEST_CIRCLES {
-            self.at(None, format!("has only {} seeds_px; {NEEDED}", seeds.len()));
+            self.at(None, format!("has only {} seeds_px{of}; {NEEDED}", seeds.len()));
         } else if is_line(&seeds) {
-            self.at(None, format!("has all its seeds_px on one line; {NEEDED}"));
+            self.at(None, format!("has all its seeds_px{of} on one line; {NEEDED}"));
         }
-        self.check_seeds_apart(parts);
     }
 
     /// Without seeds some target must be known by its circles.
-    fn check_patterns(&mut self, parts: &Parts) {
-        let circles: Vec<_> =
-            parts.targets.iter().enumerate().flat_map(|(i, target)| crate::circles(i, target)).collect();
+    fn check_patterns(&mut self, parts: &Parts, carbody: u8, of: &str) {
+        let targets = parts.targets.iter().enumerate().filter(|(_, target)| target.carbody == carbody);
+        let circles: Vec<_> = targets.flat_map(|(i, target)| crate::circles(i, target)).collect();
         if !Assigner::new(&circles).is_able() {
             self.at(
                 None,
                 format!(
-                    "has no seeds_px, and no target with {FEWEST_CIRCLES} circles or more, not on one line, by which it \
-                     could be found; give seeds_px"
+                    "has no seeds_px{of}, and no target with {FEWEST_CIRCLES} circles or more, not on one line, by which \
+                     it could be found; give seeds_px"
                 ),
             );
         }
@@ -332,6 +335,10 @@ impl Document<'_> {
     fn check_plates_apart(&mut self, parts: &Parts) {
         for (i, target) in parts.targets.iter().enumerate() {
             for (k, other) in parts.targets[..i].iter().enumerate() {
+                // Their places are of two frames.
+                if target.carbody != other.carbody {
+                    continue;
+                }
                 let reach = (target.outer_diameter_mm + other.outer_diameter_mm) / 2.0;
                 let facing = dot(axes(target)[2], axes(other)[2]);
                 let others = points(other);

@@ -12,11 +12,18 @@ const SEED_SIGMA_PX: f64 = 3.0;
 const FURTHEST_PX: f64 = 10.0;
 
 impl Document<'_> {
-    /// Checks the seeds against the circles, both good by themselves.
+    /// Checks the seeds against the circles, both good by themselves, for each carbody.
     pub(crate) fn check_fit(&mut self, parts: &Parts) {
+        for carbody in [2, 1] {
+            self.check_fit_of(parts, carbody);
+        }
+    }
+
+    fn check_fit_of(&mut self, parts: &Parts, carbody: u8) {
         let lens = crate::lens(&parts.camera);
         let (mut seeded, mut observations) = (Vec::new(), Vec::new());
-        for (i, target) in parts.targets.iter().enumerate() {
+        let targets = parts.targets.iter().enumerate().filter(|(_, target)| target.carbody == carbody);
+        for (i, target) in targets {
             for (k, (circle, seed)) in crate::circles(i, target).into_iter().zip(&target.seeds_px).enumerate()
             {
                 let variance = SEED_SIGMA_PX * SEED_SIGMA_PX;

@@ -127,6 +127,7 @@ impl Setup {
             shutter: shutter(camera),
             lens: lens(camera),
             circles: Default::default(),
+            own: 0,
             seeds: Default::default(),
             reference: coarse_place(camera),
             vision: parts.tracker,
@@ -146,6 +147,7 @@ impl Setup {
         let _ = settings.text.push_str(&self.text);
         for (i, target) in parts.targets.iter().enumerate() {
             for (k, circle) in circles(i, target).into_iter().enumerate() {
+                settings.own |= u64::from(target.carbody == 1) << settings.circles.len().min(63);
                 let _ = settings.circles.push(circle);
                 let _ = settings.seeds.push(target.seeds_px.get(k).copied());
             }

@@ -107,6 +107,26 @@ fn a_setup_without_seeds_is_good_where_a_target_is_known_by_its_circles() {
 }
 
 #[test]
+fn reference_targets_need_a_pose_of_their_own() {
+    let mut parts = seeded(3);
+    let own = parts.targets[2].clone();
+    parts.targets.push(Target { name: "own".to_owned(), carbody: 1, seeds_px: Vec::new(), ..own });
+    let settings = Setup::parse(&parts.to_toml(), "ride.toml").unwrap().settings();
+    assert_eq!(settings.own, 0b1111111 << 19, "in the place of another target, but on the other carbody");
+    parts.targets[3].circles_mm.truncate(3);
+    assert_eq!(
+        said(&parts.to_toml()),
+        "ride.toml: has 3 circles over all targets with carbody = 1; a pose needs at least 4"
+    );
+    let mut alone = seeded(3);
+    alone.targets.iter_mut().for_each(|target| target.carbody = 1);
+    assert_eq!(
+        said(&alone.to_toml()),
+        "ride.toml: has 0 circles over all targets with carbody = 2; a pose needs at least 4"
+    );
+}
+
+#[test]
 fn too_few_seeds_are_refused_in_one_sentence() {
     let needed = "at least 4 circles not on one line need them, or none at all";
     let mut few = seeded(1);
@@ -254,8 +274,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     let gate = row("solver.gate_px");
     assert_eq!((gate.value, gate.line), (Value::Number(0.5), None));
     assert_eq!(row("camera.rate_hz").default, None);
-    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 6 + 7 + 8.
-    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 20 + 15);
+    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 10 + 7 + 8.
+    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 24 + 15);
 }
 
 /// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
@@ -290,8 +310,15 @@ fn every_setting_of_the_firmware_is_in_the_table() {
     (*method, *min_circles) = (Method::Epnp, 7);
     let RestSettings { frames, excursion_px: _, drift_px: _ } = &mut said.rest;
     *frames = 99;
-    let Limits { min_mm, max_mm, max_deg } = &mut said.limits;
-    (*min_mm, *max_mm, *max_deg) = ([-1.0, -2.0, -3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]);
+    said.limits = Limits {
+        min_mm: [-1.0, -2.0, -3.0],
+        max_mm: [4.0, 5.0, 6.0],
+        max_deg: [7.0, 8.0, 9.0],
+        shock_mm_s2: 101.5,
+        shock_deg_s2: 33.0,
+        standing_mm: 3.5,
+        standing_deg: 0.75,
+    };
     said.capture = Capture {
         device: "serial:42".into(),
         format: SampleFormat::Bayer,

@@ -1,26 +1,26 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Exposure, Frame, Lamp, Vitals};
-use gangway_pose::{
-    MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Solution, Track, VarianceComponent,
-    solve_in_motion,
-};
-use gangway_vision::{Refusal, Ring, Search, Tracker};
+use gangway_pose::{MAX_CIRCLES, Pose, PoseError, Shutter, Solution};
+use gangway_vision::{Refusal, Ring, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
-use heapless::Vec;
+
+use nalgebra::Vector3;
 
 use crate::announce::Announcer;
+use crate::carbody::{Carbody, Means};
 use crate::expose::Exposer;
 use crate::health::Pulse;
-use crate::keep::{self, Keeper, Verdict};
+use crate::keep;
 use crate::lamp::{LampMode, Lamps};
 use crate::light::Light;
-use crate::lit::{Flash, Lit};
-use crate::predict::Predictor;
+use crate::lit::Lit;
+use crate::moved::Suspicion;
+use crate::own::Own;
 use crate::recorder::Recorder;
 use crate::rest::{Found, RestFinder};
-use crate::visibility::Watch;
-use crate::{Command, InboxConsumer, OutboxProducer, Settings, report, windows};
+use crate::visibility::{self, Watch};
+use crate::{Command, InboxConsumer, OutboxProducer, Settings, report};
 
 /// Most records that one step can put into the outbox: an event a circle, answers to a full inbox, and the
 /// pose, markers, rest, announcement, health and camera's events beside them.
@@ -65,6 +65,19 @@ pub enum Step {
     NoFrame(CameraErrorKind),
 }
 
+/// One window of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Number of the circle.
+    pub circle: u8,
+    /// Its middle, px; not numbers for a circle that no window can be put on.
+    pub at: [f64; 2],
+    /// Its side, px.
+    pub side_px: f64,
+    /// Where the ring's centre was seen, px, or why not.
+    pub seen: Result<[f64; 2], wire::LostReason>,
+}
+
 /// The frame loop's state: one box, one camera, one session.
 ///
 /// It is some hundred KiB large: boards place it once, in a static or a box.
@@ -72,26 +85,21 @@ pub struct Engine {
     settings: Settings,
     identity: Identity,
     tracker: Tracker,
-    predictor: Predictor,
+    /// CB_02, whose motion is measured.
+    carbody: Carbody,
+    /// CB_01, the camera's own, where it has reference targets ...
+    own: Option<Own>,
+    /// ... and where it has none, whether the camera may have moved.
+    suspicion: Suspicion,
     rest_finder: RestFinder,
     /// Rest is being looked for: at start, and after a command.
     seeking_rest: bool,
     rest: Option<Found>,
-    keeper: Keeper,
-    plane: PlaneHistory,
-    /// The last pose could be the other one of a plane.
-    ambiguous: bool,
-    /// The last poses by the time of their frames.
-    track: Track,
-    variance: VarianceComponent,
-    time_ns: u64,
-    searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
     centres: wire::Centres,
     watches: [Watch; MAX_CIRCLES],
     light: Light,
     lamps: Lamps,
-    flash: Flash,
     exposer: Exposer,
     announcer: Announcer,
     recorder: Recorder,
@@ -105,32 +113,23 @@ impl Engine {
     /// looked for.
     ///
     /// # Errors
-    /// The seeds do not determine a pose: too few, on one line, or not where these targets can be seen. There are none
+    /// For either carbody: the seeds do not determine a pose: too few, on one line, or not where these targets can be seen. There are none
     /// and no target has enough circles to be known by them.
     pub fn new(settings: Settings, identity: Identity) -> Result<Self, PoseError> {
-        let seeded = settings.seeds.iter().any(Option::is_some);
-        let keeper = Keeper::new(&settings, seeded);
-        let first = if seeded || !keeper.is_able() { windows::seed_pose(&settings)? } else { Pose::FACING };
-        let predictor = Predictor::from_pose(first);
+        let own = if settings.own == 0 { None } else { Some(Own::new(&settings)?) };
         Ok(Self {
             tracker: Tracker::new(settings.vision),
-            predictor,
+            carbody: Carbody::new(&settings, !settings.own, false)?,
+            own,
+            suspicion: Suspicion::default(),
             rest_finder: RestFinder::new(settings.rest),
             seeking_rest: true,
             rest: None,
-            keeper,
-            plane: PlaneHistory::default(),
-            ambiguous: false,
-            track: Track::default(),
-            variance: VarianceComponent::default(),
-            time_ns: 0,
-            searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
             centres: wire::Centres::new(),
             watches: [Watch::default(); MAX_CIRCLES],
             light: Light::default(),
             lamps: Lamps::default(),
-            flash: Flash::default(),
             exposer: Exposer::new(
                 settings.exposure,
                 settings.circles.iter().any(|circle| circle.inner_mm <= 0.0),
@@ -161,9 +160,8 @@ impl Engine {
         self.pulse.woken(frame.complete_ns().map(|complete_ns| woken_ns.saturating_sub(complete_ns)));
         let Some(flags) = self.arrive(&frame, outbox) else { return Step::Repeated };
 
-        let solution = self.follow(&frame);
-        let solution = self.keep(&frame, solution);
-        self.find_rest(frame.number(), solution.as_ref().ok(), outbox);
+        let solution = self.measure(&frame, outbox);
+        self.find_rest(&frame, solution.as_ref().ok(), outbox);
         let pose = self.relate(&frame, solution.as_ref(), flags);
         self.record(&pose, solution.as_ref().map_or(0, |solution| solution.used), outbox);
 
@@ -223,6 +221,21 @@ impl Engine {
         self.recorder.lost()
     }
 
+    /// Where the last frame was looked at, and what was seen there: for pictures of what the loop does.
+    pub fn looks(&self) -> impl Iterator<Item = Look> {
+        let own = self.own.iter().flat_map(|own| own.carbody().looks());
+        let diameters = self.settings.vision.window_diameters;
+        self.carbody.looks().chain(own).map(move |(circle, search, outcome)| Look {
+            circle,
+            at: search.at,
+            side_px: libm::ceil(diameters * search.diameter_px()),
+            seen: match outcome {
+                Ok(ring) => Ok(ring.centre.at),
+                Err(refusal) => Err(visibility::lost_reason(*refusal)),
+            },
+        })
+    }
+
     /// Does what host and link have asked for since the last frame.
     fn obey(&mut self, inbox: &mut InboxConsumer<'_>, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
         let starts = !core::mem::replace(&mut self.started, true);
@@ -237,6 +250,7 @@ impl Engine {
                 Command::SetRest => {
                     self.seeking_rest = true;
                     self.rest_finder.clear();
+                    self.own.iter_mut().for_each(Own::forget_anchor);
                     self.recorder.event(outbox, What::RestRequested);
                 }
                 Command::Mark(text) => self.recorder.event(outbox, What::Mark { text: &text }),
@@ -303,7 +317,6 @@ impl Engine {
             }
         }
         self.last_frame = Some(frame.number());
-        self.time_ns = frame.time_ns();
         if (frame.width(), frame.height()) != self.settings.picture {
             self.recorder.event(outbox, What::FrameCorrupt);
             flags |= PoseFlags::CORRUPT;
@@ -311,177 +324,115 @@ impl Engine {
         Some(flags)
     }
 
-    /// A window for every circle, where the last poses say that it will be, its ring, and the pose of them all.
-    fn follow(&mut self, frame: &Frame<'_>) -> Result<Solution, PoseError> {
-        if !self.keeper.follows() {
-            self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
-            self.flash.pass_over();
-            return Err(self.nothing());
-        }
-        let pose = self.predictor.predict(frame.number());
+    /// The pose of CB_02 that this frame shows: in the camera, or in the camera's own carbody where that has reference
+    /// targets.
+    fn measure(&mut self, frame: &Frame<'_>, outbox: &mut OutboxProducer<'_>) -> Result<Solution, PoseError> {
         let first = self.pulse.frames() == 0;
-        windows::searches(&self.settings, &pose, first, &mut self.searches);
-        self.look(frame);
-        self.solve(&pose)
-    }
-
-    /// Every ring in its window.
-    fn look(&mut self, frame: &Frame<'_>) {
-        let count = self.searches.len();
-        if let Some(outcomes) = self.outcomes.get_mut(..count) {
-            self.tracker.track(frame, &self.searches, outcomes);
-            match self.flash.judge(&self.searches, outcomes) {
-                Lit::Not if self.settings.lamps == LampMode::Alternate => {
-                    self.tracker.keep_dark(frame, &self.searches);
-                }
-                Lit::Unknown | Lit::Not | Lit::InPart => self.tracker.forget_dark(),
-                Lit::Wholly => {}
+        let (settings, tracker) = (&self.settings, &mut self.tracker);
+        if let Some(own) = &mut self.own {
+            let told = own.measure(frame, tracker, settings, &mut self.carbody, first);
+            for what in told.into_iter().flatten() {
+                self.recorder.event(outbox, what);
             }
         }
-    }
-
-    /// The pose of the rings seen. The solution's mask names circles of the setup.
-    fn solve(&self, prior: &Pose) -> Result<Solution, PoseError> {
-        let mut observations = Vec::<Observation, MAX_CIRCLES>::new();
-        let mut seen = Vec::<usize, MAX_CIRCLES>::new();
-        for (i, (circle, outcome)) in self.settings.circles.iter().zip(&self.outcomes).enumerate() {
-            if let Ok(ring) = outcome {
-                // At most as many as circles, and all are bounded by MAX_CIRCLES.
-                let centre = self.variance.with(ring.centre);
-                let _ = observations.push(Observation { point: circle.point, centre });
-                let _ = seen.push(i);
-            }
-        }
-        let Settings { lens, solver, shutter, .. } = &self.settings;
-        let mut solution =
-            solve_in_motion(&observations, lens, solver, prior, shutter, &self.track, self.time_ns)?;
-        let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
-        solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
-        Ok(solution)
-    }
-
-    /// What the windows showed stands, or something better is found, or nothing. The next windows follow from that.
-    fn keep(
-        &mut self,
-        frame: &Frame<'_>,
-        solution: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        if self.flash.excuses() {
-            return self.without_lamps(frame, solution);
-        }
-        let in_picture = self.in_picture();
-        let reference = self.rest.as_ref().map(|found| found.pose.pose).or(self.settings.reference);
-        let verdict = self.keeper.judge(
-            frame,
-            &self.settings,
-            &self.searches,
-            &solution,
-            in_picture,
-            reference.as_ref(),
-        );
-        let mut found = match verdict {
-            Verdict::Keep => solution,
-            Verdict::Refuse => solution.and(Err(PoseError::NoConsensus)),
-            Verdict::Try(pose) => self.look_from(frame, &pose, solution),
+        let own = self.own.as_ref();
+        let at_rest = self.rest.as_ref().map(|found| found.pose.pose);
+        let at_rest = at_rest.and_then(|rest| own.map_or(Some(rest), |own| own.in_camera(&rest)));
+        let reference = at_rest.or(settings.reference);
+        let is_plausible =
+            |pose: &Pose| reference.is_some_and(|reference| keep::is_within(pose, &reference, settings));
+        let shutter = match own {
+            // What the exposure does to the motion is told of the one carbody against the other.
+            Some(_) => Shutter { exposure_s: 0.0, ..settings.shutter },
+            None => settings.shutter,
         };
-        self.choose_side(frame.number(), &mut found);
-        if let Ok(pose) = found.map(|solution| solution.pose) {
-            self.learn_variance(&found);
-            self.predictor.update(frame.number(), pose);
-            self.track.follow(frame.time_ns(), &pose);
-            if used(&found) > used(&solution) {
-                self.predictor.hold();
-                self.track.forget();
-            }
-        }
-        self.keeper.note(found.ok().map(|_| used(&found)), self.in_picture());
-        found
+        let means = Means {
+            settings,
+            shutter,
+            others: own.map_or(&[], |own| own.carbody().searches()),
+            may_search: !own.is_some_and(|own| own.carbody().has_searched()),
+            keeps_dark: settings.lamps == LampMode::Alternate,
+            is_plausible: &is_plausible,
+        };
+        let solution = self.carbody.measure(frame, tracker, &means, first);
+        self.carbody.show(&mut self.outcomes);
+        let Some(own) = &mut self.own else { return solution };
+        own.carbody().show(&mut self.outcomes);
+        own.relate(frame.time_ns(), &solution?, settings)
     }
 
-    /// How far the rings in the pose scatter beyond their pixels' noise.
-    fn learn_variance(&mut self, found: &Result<Solution, PoseError>) {
-        let Ok(solution) = found else { return };
-        let seen = self.outcomes.iter().enumerate().filter(|(i, _)| solution.used >> i & 1 == 1);
-        let covariances = seen.filter_map(|(_, outcome)| Some(outcome.ok()?.centre.covariance));
-        self.variance.learn(solution.residual_px, covariances);
-    }
-
-    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and nothing is
-    /// in doubt because the rest is missing.
-    fn without_lamps(
-        &mut self,
-        frame: &Frame<'_>,
-        mut solution: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        let printed = self.searches.iter().filter(|search| !search.is_disc()).count() as u32;
-        if !keep::is_trusted(used(&solution), printed) {
-            return solution.and(Err(self.nothing()));
-        }
-        self.choose_side(frame.number(), &mut solution);
-        if let Ok(pose) = solution.map(|solution| solution.pose) {
-            self.predictor.update(frame.number(), pose);
-            self.track.follow(frame.time_ns(), &pose);
-        }
-        solution
-    }
-
-    /// The better of `first` and of what the windows of a pose show.
-    fn look_from(
-        &mut self,
-        frame: &Frame<'_>,
-        pose: &Pose,
-        first: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
-        windows::searches(&self.settings, pose, false, &mut self.searches);
-        self.look(frame);
-        let other = self.solve(pose);
-        if used(&other) > used(&first) {
-            return other;
-        }
-        (self.outcomes, self.searches) = (outcomes, searches);
-        // Discs that shone in part are found, though they do not count.
-        if self.flash.state() != Lit::InPart {
-            self.flash = flash;
-        }
-        first
-    }
-
+    /// How many circles should show in the picture, of those that could go into the pose.
     fn in_picture(&self) -> u32 {
-        windows::in_picture(&self.searches, self.settings.picture)
+        let own = self.own.as_ref().filter(|own| own.is_seen());
+        let own = own.map_or(0, |own| own.carbody().in_picture(&self.settings));
+        self.carbody.in_picture(&self.settings) + own
     }
 
-    /// No circle is seen.
-    fn nothing(&self) -> PoseError {
-        PoseError::TooFew { circles: 0, needed: self.settings.solver.min_circles }
+    fn is_ambiguous(&self) -> bool {
+        let own = self.own.as_ref().is_some_and(|own| own.is_seen() && own.carbody().is_ambiguous());
+        own || self.carbody.is_ambiguous() || self.rest.as_ref().is_some_and(|found| found.ambiguous)
     }
 
-    /// Of a plane's two poses the one that follows from the frames before.
-    fn choose_side(&mut self, frame: u32, found: &mut Result<Solution, PoseError>) {
-        match found {
-            Ok(solution) => {
-                let expected = self.predictor.predict(frame);
-                self.ambiguous = self.plane.choose(solution, &expected);
-            }
-            Err(_) => self.plane.forget(),
-        }
+    /// CB_02 and, where it has reference targets, CB_01.
+    fn carbodies(&self) -> impl Iterator<Item = &Carbody> {
+        core::iter::once(&self.carbody).chain(self.own.iter().map(Own::carbody))
+    }
+
+    /// Whether the lamps shone in this frame, as the first carbody with lit targets shows it.
+    fn lit(&self) -> Lit {
+        self.carbodies().map(Carbody::lit).find(|lit| *lit != Lit::Unknown).unwrap_or_default()
     }
 
     fn seen(&self) -> usize {
         rings(&self.outcomes, self.settings.circles.len()).count()
     }
 
-    /// While rest is sought: shows this frame to the finder, and takes over what it finds.
-    fn find_rest(&mut self, frame: u32, solution: Option<&Solution>, outbox: &mut OutboxProducer<'_>) {
-        let (true, Some(solution)) = (self.seeking_rest, solution) else { return };
-        let seen = rings(&self.outcomes, self.settings.circles.len());
-        let used = seen.filter(|(circle, _)| solution.used >> circle & 1 == 1);
-        let used = used.map(|(circle, ring)| (circle, ring.centre.at));
-        if let Some(found) = self.rest_finder.observe(frame, used, solution) {
+    /// While rest is sought: shows this frame to the finder, and takes over what it finds. Later the same tells when the
+    /// train stands again.
+    fn find_rest(&mut self, frame: &Frame<'_>, solution: Option<&Solution>, outbox: &mut OutboxProducer<'_>) {
+        let Some(solution) = solution else { return self.suspicion.interrupt() };
+        if !self.seeking_rest {
+            return self.suspect(frame, solution, outbox);
+        }
+        let mut centres = heapless::Vec::<(usize, [f64; 2]), MAX_CIRCLES>::new();
+        let Settings { circles, lens, .. } = &self.settings;
+        for (circle, ring) in rings(&self.outcomes, circles.len()) {
+            let moved_px = match (&mut self.own, circles.get(circle)) {
+                _ if solution.used >> circle & 1 == 0 => continue,
+                (Some(own), Some(circle)) => own.moved_px(&solution.pose.transform(&circle.point), lens),
+                _ => [0.0; 2],
+            };
+            // As many as circles, at most.
+            let _ = centres.push((circle, [0, 1].map(|i| ring.centre.at[i] - moved_px[i])));
+        }
+        let found = self.rest_finder.observe(frame.number(), centres.iter().copied(), solution);
+        if let Some(mut found) = found {
             self.seeking_rest = false;
+            found.own = self.own.as_ref().and_then(|own| own.carbody().last());
             self.recorder.event(outbox, What::RestSet { frames: found.frames });
             self.recorder.put(outbox, &report::rest(&found));
             self.rest = Some(found);
+            self.suspicion.forget();
+        }
+    }
+
+    /// Without reference targets: whether the camera may have moved.
+    fn suspect(&mut self, frame: &Frame<'_>, solution: &Solution, outbox: &mut OutboxProducer<'_>) {
+        let (None, Some(rest)) = (&self.own, &self.rest) else { return };
+        let Settings { circles, limits, .. } = &self.settings;
+        let middle = circles.iter().map(|circle| circle.point).sum::<Vector3<f64>>() / circles.len() as f64;
+        if self.carbody.is_ambiguous() {
+            self.suspicion.interrupt();
+        }
+        let now = (frame.number(), frame.time_ns());
+        let shock = self.suspicion.follow(now, solution, &middle, limits);
+        let used =
+            rings(&self.outcomes, circles.len()).filter(|(circle, _)| solution.used >> circle & 1 == 1);
+        let centres = used.map(|(circle, ring)| (circle, ring.centre.at));
+        let stands = self.rest_finder.stands(frame.number(), centres, solution);
+        let elsewhere = stands.then(|| self.suspicion.stands(solution, &rest.pose, limits)).flatten();
+        for what in [shock, elsewhere].into_iter().flatten() {
+            self.recorder.event(outbox, what);
         }
     }
 
@@ -495,9 +446,14 @@ impl Engine {
         let rest = self.rest.as_ref().map(|found| &found.pose);
         let (motion, trust) = report::motion(rest, solution, &self.settings);
         let mut flags = flags | trust;
-        let rest_is_ambiguous = self.rest.as_ref().is_some_and(|found| found.ambiguous);
-        if solution.is_ok() && (self.ambiguous || rest_is_ambiguous) {
+        if solution.is_ok() && self.is_ambiguous() {
             flags |= PoseFlags::AMBIGUOUS;
+        }
+        if self.suspicion.has_moved() {
+            flags |= PoseFlags::CAMERA_MOVED;
+        }
+        if self.own.as_ref().is_some_and(|own| !own.is_seen()) {
+            flags |= PoseFlags::UNREFERENCED;
         }
         let used = solution.map_or(0, |solution| solution.used);
         if solution.is_ok() && used.count_ones() as usize != self.seen() {
@@ -506,7 +462,7 @@ impl Engine {
         if solution.is_ok() && !keep::is_trusted(used.count_ones(), self.in_picture()) {
             flags |= PoseFlags::SPARSE;
         }
-        flags |= match self.flash.state() {
+        flags |= match self.lit() {
             Lit::Not => PoseFlags::DARK,
             Lit::InPart => PoseFlags::SWITCHED,
             Lit::Unknown | Lit::Wholly => PoseFlags::default(),
@@ -525,9 +481,10 @@ impl Engine {
         let solved =
             !pose.flags.contains(PoseFlags::FEW_MARKERS) && !pose.flags.contains(PoseFlags::NO_SOLUTION);
         let patience = libm::ceil(self.settings.rate_hz) as u32;
+        let is_excused = self.carbodies().any(Carbody::is_excused);
         let states = self.outcomes.iter().zip(&mut self.watches).take(circles).enumerate();
         for (circle, (outcome, watch)) in states {
-            if *outcome == Err(Refusal::Unlit) && self.flash.excuses() {
+            if *outcome == Err(Refusal::Unlit) && is_excused {
                 continue;
             }
             let refused = solved && used >> circle & 1 == 0;
@@ -562,11 +519,6 @@ impl Engine {
         let health = self.pulse.take(clock.now_ns(), vitals.read(), lost, high_water);
         self.recorder.put(outbox, &Record::Health(health));
     }
-}
-
-/// Circles that went into a pose.
-fn used(solution: &Result<Solution, PoseError>) -> u32 {
-    solution.as_ref().map_or(0, |solution| solution.used.count_ones())
 }
 
 /// The rings seen, with the numbers of their circles.

@@ -11,7 +11,8 @@ use gangway_pose::{Pose, PoseError, Progress, Sighting, Solution, angles, projec
 use gangway_vision::Search;
 
 use crate::Settings;
-use crate::acquire::Acquirer;
+use crate::acquire::{Acquirer, SIZE, Windows};
+use crate::windows::Sight;
 
 /// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a 7-CCC
 /// still has four of its rings on others, a 5-CCC two.
@@ -25,8 +26,6 @@ const WORSE: u32 = 2;
 const COASTING_FRAMES: u32 = 3;
 /// Fewest circles that may confirm the last pose after that.
 const LEAST_CONFIRMING: u32 = 6;
-/// Rings of a size within this factor of a circle's could be it.
-const SIZE: f64 = 1.4;
 /// A ring is explained by a circle that shows within this share of the way to its nearest neighbour's middle: in the
 /// picture that was swept, and in a later one, where it may have moved on.
 const EXPLAINED: [f64; 2] = [0.2, 0.8];
@@ -35,7 +34,7 @@ const NEIGHBOURHOOD: f64 = 3.0;
 /// The smallest ring may have become smaller to this share.
 const SMALLER: f64 = 0.9;
 /// A pose beyond this many times the limits of the motion, from rest, is not plausible.
-const BEYOND_LIMITS: f64 = 1.3;
+pub(crate) const BEYOND_LIMITS: f64 = 1.3;
 
 /// What is known about the targets' place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,10 +57,29 @@ pub(crate) enum Verdict {
     Try(Pose),
 }
 
+/// What is to be judged: what the windows `searches` showed, if they were looked into.
+pub(crate) struct Question<'q> {
+    pub(crate) sight: Sight<'q>,
+    pub(crate) searches: &'q [Search],
+    pub(crate) solution: &'q Result<Solution, PoseError>,
+    /// How many circles should show in the picture.
+    pub(crate) in_picture: u32,
+    /// Windows of the other carbody's circles.
+    pub(crate) others: &'q [Search],
+    /// Whether the picture may be searched now; a doubt that cannot be settled is a refusal.
+    pub(crate) may_search: bool,
+    /// Which of two poses that explain the rings equally well can be.
+    pub(crate) is_plausible: &'q dyn Fn(&Pose) -> bool,
+}
+
 /// Decides about each frame.
 pub(crate) struct Keeper {
     acquirer: Acquirer,
     hold: Hold,
+    /// The carbody does not move in the camera: where it was is where it is looked for, however long ago.
+    fixed: bool,
+    /// A slice of the search was spent in the last frame.
+    searched: bool,
     /// While lost: the next frame is looked at where the last pose was.
     looks_back: bool,
     /// Frame and number of circles when a doubt was settled.
@@ -70,9 +88,11 @@ pub(crate) struct Keeper {
 
 impl Keeper {
     /// Begins with a pose that is `known`, or with nothing.
-    pub(crate) fn new(settings: &Settings, known: bool) -> Self {
+    pub(crate) fn new(sight: &Sight<'_>, known: bool, fixed: bool) -> Self {
         Self {
-            acquirer: Acquirer::new(settings),
+            acquirer: Acquirer::new(sight),
+            fixed,
+            searched: false,
             hold: if known { Hold::Kept } else { Hold::Lost { once: false } },
             looks_back: false,
             settled: None,
@@ -86,22 +106,35 @@ impl Keeper {
 
     /// Whether the last pose says where to look in this frame.
     pub(crate) fn follows(&self) -> bool {
-        !matches!(self.hold, Hold::Lost { .. }) || self.looks_back
+        match self.hold {
+            Hold::Lost { once } => self.looks_back || (self.fixed && once),
+            _ => true,
+        }
     }
 
-    /// Judges what the windows `searches` showed, if they were looked into; goes on with the search where that is not
-    /// enough. `reference` is a pose from which the motion's limits count, if there is one.
-    pub(crate) fn judge(
-        &mut self,
-        frame: &Frame<'_>,
-        settings: &Settings,
-        searches: &[Search],
-        solution: &Result<Solution, PoseError>,
-        in_picture: u32,
-        reference: Option<&Pose>,
-    ) -> Verdict {
+    /// The rings of the last sweep, if the last pose is only looked back at: where they show none, no window is worth it.
+    pub(crate) fn glimpses(&self) -> Option<&[Sighting]> {
+        (self.looks_back && !self.fixed).then(|| self.acquirer.sightings())
+    }
+
+    /// Whether the last frame had a pose.
+    pub(crate) fn is_kept(&self) -> bool {
+        self.hold == Hold::Kept
+    }
+
+    /// Whether a slice of the search was spent in the last frame.
+    pub(crate) fn has_searched(&self) -> bool {
+        self.searched
+    }
+
+    /// Judges what the windows showed; goes on with the search where that is not enough.
+    pub(crate) fn judge(&mut self, frame: &Frame<'_>, question: &Question<'_>) -> Verdict {
+        let Question { sight, searches, solution, in_picture, .. } = *question;
+        self.searched = false;
         let used = solution.as_ref().map_or(0, |solution| solution.used.count_ones());
         let lost = matches!(self.hold, Hold::Lost { .. });
+        let nothing = Err(PoseError::NoConsensus);
+        let mut solution = solution;
         if let Ok(solution) = solution {
             if is_trusted(used, in_picture) {
                 return Verdict::Keep;
@@ -114,26 +147,38 @@ impl Keeper {
                     && !contradicts(
                         self.acquirer.sightings(),
                         &solution.pose,
-                        settings,
+                        &sight,
                         searches,
                         EXPLAINED[1],
                     );
-                self.looks_back = false;
-                return if confirms { Verdict::Keep } else { Verdict::Refuse };
+                if confirms {
+                    self.looks_back = false;
+                    return Verdict::Keep;
+                }
             }
+        }
+        if lost {
+            solution = &nothing;
         }
         if self.looks_back {
             self.looks_back = false;
             return Verdict::Refuse;
         }
+        if !question.may_search {
+            return Verdict::Refuse;
+        }
+        self.searched = true;
         self.expect(searches);
-        let is_plausible =
-            |pose: &Pose| reference.is_some_and(|reference| is_within(pose, reference, settings));
-        let progress = self.acquirer.slice(frame, settings, &is_plausible);
+        let windows = match solution {
+            Ok(_) => Windows::InDoubt,
+            Err(_) if self.follows() => Windows::Empty,
+            Err(_) => Windows::None,
+        };
+        let progress = self.acquirer.slice(frame, &sight, windows, question.others, question.is_plausible);
         match (progress, solution) {
             (Progress::Assigned(found), Ok(own)) => {
                 self.settled = Some((frame.number(), used));
-                if agree(&found.pose, &own.pose, settings, searches) {
+                if agree(&found.pose, &own.pose, &sight, searches) {
                     Verdict::Keep
                 } else {
                     Verdict::Try(found.pose)
@@ -143,7 +188,7 @@ impl Keeper {
             (progress, Ok(own)) => {
                 let sightings = self.acquirer.sightings();
                 if self.acquirer.is_fresh()
-                    && contradicts(sightings, &own.pose, settings, searches, EXPLAINED[0])
+                    && contradicts(sightings, &own.pose, &sight, searches, EXPLAINED[0])
                 {
                     return Verdict::Refuse;
                 }
@@ -153,7 +198,8 @@ impl Keeper {
                 Verdict::Keep
             }
             (progress, Err(_)) => {
-                self.looks_back = progress != Progress::Going && self.hold == Hold::Lost { once: true };
+                let sought = progress != Progress::Going && self.hold == Hold::Lost { once: true };
+                self.looks_back = sought && !self.fixed;
                 Verdict::Refuse
             }
         }
@@ -201,7 +247,7 @@ pub(crate) fn is_trusted(used: u32, in_picture: u32) -> bool {
 }
 
 /// Whether a pose is one that the train can have, by the limits of its motion from `reference`.
-fn is_within(pose: &Pose, reference: &Pose, settings: &Settings) -> bool {
+pub(crate) fn is_within(pose: &Pose, reference: &Pose, settings: &Settings) -> bool {
     let back = reference.rotation.transpose();
     let moved = back * (pose.translation - reference.translation);
     let turned = angles(&(back * pose.rotation)).map(f64::to_degrees);
@@ -214,9 +260,9 @@ fn is_within(pose: &Pose, reference: &Pose, settings: &Settings) -> bool {
 }
 
 /// Whether two poses show every circle nearer to itself than to its neighbour.
-fn agree(one: &Pose, other: &Pose, settings: &Settings, searches: &[Search]) -> bool {
-    settings.circles.iter().zip(searches).all(|(circle, search)| {
-        let at = |pose: &Pose| settings.lens.project(&pose.transform(&circle.point));
+fn agree(one: &Pose, other: &Pose, sight: &Sight<'_>, searches: &[Search]) -> bool {
+    sight.circles.iter().zip(searches).all(|(circle, search)| {
+        let at = |pose: &Pose| sight.settings.lens.project(&pose.transform(&circle.point));
         let (Ok(a), Ok(b)) = (at(one), at(other)) else { return true };
         libm::hypot(a[0] - b[0], a[1] - b[1]) < search.reach_px
     })
@@ -227,14 +273,14 @@ fn agree(one: &Pose, other: &Pose, settings: &Settings, searches: &[Search]) -> 
 fn contradicts(
     sightings: &[Sighting],
     pose: &Pose,
-    settings: &Settings,
+    sight: &Sight<'_>,
     searches: &[Search],
     within: f64,
 ) -> bool {
     let (mut explained, mut unexplained) = (0, 0);
     let shown = || {
-        settings.circles.iter().zip(searches).filter_map(|(circle, search)| {
-            let projected = project_circle(circle, pose, &settings.lens).ok()?;
+        sight.circles.iter().zip(searches).filter_map(|(circle, search)| {
+            let projected = project_circle(circle, pose, &sight.settings.lens).ok()?;
             Some((projected.centre, projected.diameter_px, search.reach_px))
         })
     };
@@ -278,6 +324,7 @@ mod tests {
             rate_hz: 50.0,
             lens: Lens { focal: [1400.0; 2], skew: 0.0, principal: [960.0, 540.0], distortion: [0.0; 5] },
             circles: places.into_iter().map(circle).collect(),
+            own: 0,
             seeds: [None; 5].into_iter().collect(),
             reference: None,
             shutter: gangway_pose::Shutter::INSTANT,
@@ -292,9 +339,13 @@ mod tests {
         }
     }
 
+    fn whole(settings: &Settings) -> Sight<'_> {
+        Sight { settings, circles: &settings.circles, seeds: &settings.seeds }
+    }
+
     fn searches(settings: &Settings, pose: &Pose) -> Vec<Search, MAX_CIRCLES> {
         let mut searches = Vec::new();
-        windows::searches(settings, pose, false, &mut searches);
+        windows::searches(&whole(settings), pose, false, &mut searches);
         searches
     }
 
@@ -315,7 +366,11 @@ mod tests {
         for (by, expected) in [([0.0; 3], false), ([0.0, 60.0, 62.0], true), ([0.0, 120.0, 0.0], true)] {
             let pose = moved(&truth, by);
             let windows = searches(&settings, &pose);
-            assert_eq!(contradicts(&shown, &pose, &settings, &windows, EXPLAINED[0]), expected, "{by:?}");
+            assert_eq!(
+                contradicts(&shown, &pose, &whole(&settings), &windows, EXPLAINED[0]),
+                expected,
+                "{by:?}"
+            );
         }
     }
 
@@ -330,7 +385,7 @@ mod tests {
             let large = Sighting { at: [960.0, 700.0], shape: shown[0].shape.map(|m| 4.0 * m), ratio: 2.0 };
             shown.extend([far, large]);
         }
-        assert!(!contradicts(&shown, &truth, &settings, &windows, EXPLAINED[0]));
+        assert!(!contradicts(&shown, &truth, &whole(&settings), &windows, EXPLAINED[0]));
     }
 
     #[test]
@@ -344,7 +399,8 @@ mod tests {
 
     #[test]
     fn after_three_frames_without_a_pose_the_last_one_is_no_prediction_any_more() {
-        let mut keeper = Keeper::new(&settings(), true);
+        let settings = settings();
+        let mut keeper = Keeper::new(&whole(&settings), true, false);
         for _ in 0..COASTING_FRAMES {
             assert!(keeper.follows());
             keeper.note(None, 5);

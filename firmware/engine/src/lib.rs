@@ -2,8 +2,7 @@
 //!
 //! ```text
 //! Camera -> Frame -> windows -> rings -> pose -> motion -> records -> Outbox -> (link thread) -> host
-//!           arrive   follow     look     solve,  relate    record
-//!                                        keep
+//!           arrive   '------ measure -------'    relate    record
 //! ```
 //!
 //! A step never allocates, never panics, writes no text and waits nowhere but for the camera's next frame.
@@ -16,6 +15,7 @@ extern crate std;
 
 mod acquire;
 mod announce;
+mod carbody;
 mod engine;
 mod expose;
 mod health;
@@ -23,7 +23,10 @@ mod keep;
 mod lamp;
 mod light;
 mod lit;
+mod mount;
+mod moved;
 mod outbox;
+mod own;
 mod predict;
 mod recorder;
 mod report;
@@ -32,7 +35,7 @@ mod settings;
 mod visibility;
 mod windows;
 
-pub use engine::{Board, Engine, Identity, MAX_RECORDS_PER_STEP, Step};
+pub use engine::{Board, Engine, Identity, Look, MAX_RECORDS_PER_STEP, Step};
 pub use expose::AutoExposure;
 pub use gangway_wire::{MAX_MARK, MAX_NAME};
 pub use lamp::{LAMP_MARGIN_S, LampMode};

@@ -40,6 +40,20 @@ impl Predictor {
         self.motion = None;
     }
 
+    /// The last pose that was measured.
+    pub(crate) fn last(&self) -> Option<Pose> {
+        self.frame.map(|_| self.last)
+    }
+
+    /// The camera has moved: a point X that it saw is now at `by` X.
+    pub(crate) fn rebase(&mut self, by: &Pose) {
+        self.last = by.after(&self.last);
+        if let Some(motion) = &mut self.motion {
+            motion.rotation = by.rotation * motion.rotation * by.rotation.transpose();
+            motion.translation = by.rotation * motion.translation;
+        }
+    }
+
     /// The pose expected in `frame`.
     pub(crate) fn predict(&self, frame: u32) -> Pose {
         let mut pose = self.last;
@@ -90,6 +104,17 @@ mod tests {
         assert_eq!(next.translation.x, 9.0);
         let expected = Rotation3::new(Vector3::new(0.0, 0.03, 0.0)).into_inner();
         assert!((next.rotation - expected).norm() < 1e-12, "rounding only");
+    }
+
+    #[test]
+    fn the_motion_goes_on_in_a_camera_that_was_knocked() {
+        let mut predictor = Predictor::from_pose(at(0.0));
+        predictor.update(0, at(0.0));
+        predictor.update(1, at(3.0));
+        let knock = Pose::of_camera([2.0, 1.0, -4.0], [3.0, -2.0, 5.0]);
+        predictor.rebase(&knock);
+        let off = predictor.predict(2).translation - knock.after(&at(6.0)).translation;
+        assert!(off.norm() < 1e-9, "rounding only");
     }
 
     #[test]

@@ -43,9 +43,10 @@ pub(crate) fn motion(
     (Some(motion), flags)
 }
 
-/// The record of a rest pose.
+/// The record of a rest pose, in the camera's frame.
 pub(crate) fn rest(found: &Found) -> Record<'static> {
-    let in_rest_frame = found.pose.covariance_in_rest_frame();
+    let pose = found.own.map_or(found.pose, |own| found.pose.seen_from(&own));
+    let in_rest_frame = pose.covariance_in_rest_frame();
     let mut covariance = [0.0; 21];
     let upper = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
     for (entry, at) in covariance.iter_mut().zip(upper) {
@@ -55,8 +56,8 @@ pub(crate) fn rest(found: &Found) -> Record<'static> {
         first_frame: found.first_frame,
         last_frame: found.last_frame,
         frames: found.frames,
-        rotation: found.pose.pose.quaternion(),
-        translation_mm: found.pose.pose.translation.into(),
+        rotation: pose.pose.quaternion(),
+        translation_mm: pose.pose.translation.into(),
         covariance,
     })
 }
@@ -105,6 +106,7 @@ mod tests {
             frames: 10,
             ambiguous: false,
             pose: RestPose { pose, covariance },
+            own: None,
         };
         let Record::Rest(record) = rest(&found) else { panic!("a rest record") };
         assert!((record.covariance[0] - 4.0).abs() < 1e-6, "x, mm^2: {:?}", record.covariance);

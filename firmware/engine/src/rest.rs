@@ -1,7 +1,7 @@
 //! Rest, by test and not by assumption: the interval in which no circle leaves its place, and the robust mean
 //! of its poses (thesis 3.4.3; 5.3.2 shows what a poor first frame does to every later one).
 
-use gangway_pose::{MAX_CIRCLES, RestPose, Solution, rest_mean, untangle};
+use gangway_pose::{MAX_CIRCLES, Pose, RestPose, Solution, rest_mean, untangle};
 use heapless::Vec;
 
 use crate::RestSettings;
@@ -60,6 +60,8 @@ pub(crate) struct Found {
     /// The circles are in one plane, and all its frames together cannot tell which of two poses is right.
     pub(crate) ambiguous: bool,
     pub(crate) pose: RestPose,
+    /// The camera's own carbody in the camera at rest, where `pose` is in that carbody's frame.
+    pub(crate) own: Option<Pose>,
 }
 
 /// Looks for an interval of rest in the frames that it is shown.
@@ -85,17 +87,43 @@ impl RestFinder {
         centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
         solution: &Solution,
     ) -> Option<Found> {
+        let found = self.completes(frame, centres, solution).then(|| self.mean(frame)).flatten();
+        if self.is_full() {
+            self.clear();
+        }
+        found
+    }
+
+    /// The same without the mean: whether this frame completes an interval at rest.
+    pub(crate) fn stands(
+        &mut self,
+        frame: u32,
+        centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
+        solution: &Solution,
+    ) -> bool {
+        let stands = self.completes(frame, centres, solution);
+        if self.is_full() {
+            self.clear();
+        }
+        stands
+    }
+
+    fn completes(
+        &mut self,
+        frame: u32,
+        centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
+        solution: &Solution,
+    ) -> bool {
         self.add(frame, centres.clone(), solution);
         if self.paths.iter().any(|path| path.excursion() > self.settings.excursion_px) {
             self.clear();
             self.add(frame, centres, solution);
         }
-        if self.solutions.len() < self.frames() {
-            return None;
-        }
-        let found = self.at_rest().then(|| self.mean(frame)).flatten();
-        self.clear();
-        found
+        self.is_full() && self.at_rest()
+    }
+
+    fn is_full(&self) -> bool {
+        self.solutions.len() >= self.frames()
     }
 
     /// The mean of the interval, all of its poses on one side of a plane.
@@ -103,7 +131,7 @@ impl RestFinder {
         let ambiguous = untangle(&mut self.solutions);
         let pose = rest_mean(&self.solutions).ok()?;
         let frames = self.solutions.len() as u16;
-        Some(Found { first_frame: self.first_frame, last_frame, frames, ambiguous, pose })
+        Some(Found { first_frame: self.first_frame, last_frame, frames, ambiguous, pose, own: None })
     }
 
     fn frames(&self) -> usize {
@@ -146,7 +174,6 @@ impl RestFinder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gangway_pose::Pose;
     use nalgebra::{Matrix3, Matrix6, Vector3};
 
     fn solution() -> Solution {

@@ -31,12 +31,30 @@ pub struct Limits {
     pub max_mm: [f64; 3],
     /// Greatest roll, pitch, yaw to either side, degrees.
     pub max_deg: [f64; 3],
+    /// Greatest acceleration of one carbody's end against the other's, mm/s^2; 100 to 10^9. Beyond it the camera may have
+    /// moved, where no reference targets tell.
+    pub shock_mm_s2: f64,
+    /// Greatest angular acceleration of one carbody against the other, degrees/s^2; 1 to 10^7.
+    pub shock_deg_s2: f64,
+    /// A train that stands again this far from its rest pose may have a moved camera, mm; 0.1 to 5000.
+    pub standing_mm: f64,
+    /// Or turned this far from it, degrees; 0.01 to 89.
+    pub standing_deg: f64,
 }
 
 impl Default for Limits {
-    /// Velaro D (thesis 1.2).
+    /// Velaro D (thesis 1.2). Shocks: 5 g of either carbody (EN 61373, category 1, along the track), and as much at the ends
+    /// of two carbodies of 23 m that turn against each other. Standing: what suspensions leave (R(a) allows 10 mm).
     fn default() -> Self {
-        Self { min_mm: [-70.0, -900.0, -350.0], max_mm: [60.0, 900.0, 350.0], max_deg: [5.0, 4.0, 15.0] }
+        Self {
+            min_mm: [-70.0, -900.0, -350.0],
+            max_mm: [60.0, 900.0, 350.0],
+            max_deg: [5.0, 4.0, 15.0],
+            shock_mm_s2: 1e5,
+            shock_deg_s2: 500.0,
+            standing_mm: 10.0,
+            standing_deg: 0.2,
+        }
     }
 }
 
@@ -55,6 +73,8 @@ pub struct Settings {
     pub lens: Lens,
     /// The circles of all targets.
     pub circles: Vec<Circle, MAX_CIRCLES>,
+    /// Bit i: circle i is on the camera's own carbody.
+    pub own: u64,
     /// Where each circle is at rest, px, as far as the setup says: one entry a circle.
     pub seeds: Vec<Option<[f64; 2]>, MAX_CIRCLES>,
     /// About where the carbody is at rest in the camera, where the setup says it: of two poses that show the same, the one

@@ -58,7 +58,7 @@ impl Watch {
 }
 
 /// The wire's word for a refusal.
-fn lost_reason(refusal: Refusal) -> LostReason {
+pub(crate) fn lost_reason(refusal: Refusal) -> LostReason {
     match refusal {
         Refusal::OutsidePicture => LostReason::OutsidePicture,
         Refusal::LowContrast => LostReason::LowContrast,

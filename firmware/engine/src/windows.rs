@@ -1,6 +1,6 @@
 //! From poses to search windows: where each ring will be, how large, and how near its next neighbour is.
 
-use gangway_pose::{Centre, MAX_CIRCLES, Observation, Pose, PoseError, project_circle, solve};
+use gangway_pose::{Centre, Circle, MAX_CIRCLES, Observation, Pose, PoseError, project_circle, solve};
 use gangway_vision::Search;
 use heapless::Vec;
 
@@ -11,34 +11,43 @@ const SEED_SIGMA_PX: f64 = 1.0;
 /// A ring further from its prediction than this share of the way to its nearest neighbour could be that one.
 const REACH: f64 = 0.5;
 
+/// One carbody's circles and what they are seen with.
+#[derive(Clone, Copy)]
+pub(crate) struct Sight<'s> {
+    pub(crate) settings: &'s Settings,
+    pub(crate) circles: &'s [Circle],
+    /// One entry a circle.
+    pub(crate) seeds: &'s [Option<[f64; 2]>],
+}
+
 /// The pose that the setup's seeds give.
-pub(crate) fn seed_pose(settings: &Settings) -> Result<Pose, PoseError> {
+pub(crate) fn seed_pose(sight: &Sight<'_>) -> Result<Pose, PoseError> {
     let variance = SEED_SIGMA_PX * SEED_SIGMA_PX;
-    let observations: Vec<Observation, MAX_CIRCLES> = settings
+    let observations: Vec<Observation, MAX_CIRCLES> = sight
         .circles
         .iter()
-        .zip(&settings.seeds)
+        .zip(sight.seeds)
         .filter_map(|(circle, seed)| {
             let centre = Centre { at: (*seed)?, covariance: [variance, 0.0, variance] };
             Some(Observation { point: circle.point, centre })
         })
         .collect();
-    Ok(solve(&observations, &settings.lens, &settings.solver, None)?.pose)
+    Ok(solve(&observations, &sight.settings.lens, &sight.settings.solver, None)?.pose)
 }
 
-/// One search for every circle, in the setup's order.
+/// One search for every circle, in their order.
 ///
 /// With `at_seeds` the windows stand at the seeds themselves where there are some: they were picked in the
 /// picture, the pose from them is only as good as the setup.
 pub(crate) fn searches(
-    settings: &Settings,
+    sight: &Sight<'_>,
     pose: &Pose,
     at_seeds: bool,
     searches: &mut Vec<Search, MAX_CIRCLES>,
 ) {
     searches.clear();
-    for (circle, seed) in settings.circles.iter().zip(&settings.seeds) {
-        let mut search = match project_circle(circle, pose, &settings.lens) {
+    for (circle, seed) in sight.circles.iter().zip(sight.seeds) {
+        let mut search = match project_circle(circle, pose, &sight.settings.lens) {
             Ok(projected) => Search {
                 at: projected.centre,
                 shape: projected.shape,

@@ -113,7 +113,7 @@ impl Assigner {
         self.stage = Stage::Groups(0);
     }
 
-    /// Works on for about `work` instructions, which it takes off. After an answer `begin` has to be called.
+    /// Works on for about `work`, which it takes off. After an answer `begin` has to be called.
     pub fn advance(&mut self, view: &View<'_>, work: &mut u32) -> Progress {
         while *work > 0 {
             match self.stage {

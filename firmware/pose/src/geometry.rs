@@ -130,6 +130,12 @@ impl Pose {
         }
     }
 
+    /// This pose moved by `v` (mm) and turned by the rotation vector `w` (radians), along the camera's axes, as a solution's
+    /// covariance counts them: the inverse of [`Pose::difference`] to second order.
+    pub fn moved_by(&self, v: [f64; 3], w: [f64; 3]) -> Self {
+        self.perturbed(v, w)
+    }
+
     /// R brought back to exact orthonormality after many products: one step of Newton's method for the
     /// polar decomposition.
     pub(crate) fn orthonormalised(&self) -> Self {

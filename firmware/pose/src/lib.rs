@@ -2,7 +2,8 @@
 //!
 //! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
 //! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` and `search` with
-//! `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane), `rest` and `motion` (against the rest pose). Nothing
+//! `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane), `relative` (one
+//! carbody against the other), `rest` and `motion` (against the rest pose). Nothing
 //! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -31,6 +32,7 @@ mod normal;
 mod p3p;
 mod problem;
 mod refine;
+mod relative;
 mod rest;
 mod robust;
 mod scatter;
@@ -49,9 +51,10 @@ pub use geometry::{Centre, Circle, Observation, Pose};
 pub use history::{PlaneHistory, untangle};
 pub use lens::{Lens, LensError};
 pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
+pub use relative::relative_pose;
 pub use rest::{MAX_REST_POSES, rest_mean};
 pub use settings::{Method, Settings};
-pub use shutter::{Shutter, Track, solve_in_motion};
+pub use shutter::{Shutter, Track, at_mid_exposure, solve_in_motion};
 pub use sighting::Sighting;
 pub use solve::{Solution, solve};
 pub use variance::VarianceComponent;

@@ -94,7 +94,7 @@ fn angle_rates(pitch: f64, yaw: f64) -> Matrix3<f64> {
 }
 
 /// `[[a, b], [0, d]]`.
-fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
+pub(crate) fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
     let mut whole = Matrix6::zeros();
     whole.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
     whole.fixed_view_mut::<3, 3>(0, 3).copy_from(b);

@@ -67,7 +67,7 @@ pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
 }
 
 /// (v, w) that takes `mean` to `pose`.
-fn difference(pose: &Pose, mean: &Pose) -> Vector6<f64> {
+pub(crate) fn difference(pose: &Pose, mean: &Pose) -> Vector6<f64> {
     let v = pose.translation - mean.translation;
     let w = rotation_vector(&(pose.rotation * mean.rotation.transpose()));
     Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z)

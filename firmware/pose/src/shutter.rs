@@ -153,6 +153,13 @@ pub fn solve_in_motion(
     } else {
         row_by_row(observations, lens, settings, prior, shutter, track, time_ns)?
     };
+    at_mid_exposure(&mut solution, shutter, track, time_ns);
+    Ok(solution)
+}
+
+/// Brings the mean over the exposure, which is what a picture shows, to its middle: `solution` is of the frame at
+/// `time_ns`, `track` of those before it. As [`solve_in_motion`] does, for a pose that was made of several.
+pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &Track, time_ns: u64) {
     // Over an exposure a point is on average a T^2 / 24 from where it is in the middle.
     if shutter.exposure_s > 0.0
         && let Some(rates) = track.rates(time_ns, &solution.pose, &solution.covariance.diagonal())
@@ -163,7 +170,6 @@ pub fn solve_in_motion(
             other.pose = moved_by(&other.pose, &smear);
         }
     }
-    Ok(solution)
 }
 
 /// Solves, takes the motion from the pose that comes out, and solves again, until that changes nothing.

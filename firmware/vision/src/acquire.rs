@@ -29,11 +29,12 @@ const RATIO_BLUR: f64 = 1.5;
 /// Rings nearer to each other than this share of a diameter are one.
 const SAME: f64 = 0.4;
 
-// Instructions, about, of what a slice is counted in.
+// What a slice is counted in: of the same time each, about; an instruction here takes longer than one of tracking, because
+// it waits for what it branches on.
 /// Of a pixel of a searched row, times 4.
-const WORK_FOUR_PIXELS: u32 = 14;
+const WORK_FOUR_PIXELS: u32 = 16;
 /// Of a change between black and white.
-const WORK_EDGE: u32 = 40;
+const WORK_EDGE: u32 = 110;
 /// Of a look along the rays, by how far it came.
 const WORK_PROBE: [u32; 2] = [2_500, 7_000];
 
@@ -91,7 +92,7 @@ impl Acquisition {
         self.next.is_some()
     }
 
-    /// Goes on with the sweep in this picture for about `work` instructions, which it takes off; true when the last
+    /// Goes on with the sweep in this picture for about `work`, which it takes off; true when the last
     /// row is done. The next call begins a new sweep.
     ///
     /// A sweep over several pictures finds each ring where it was when its rows were searched.

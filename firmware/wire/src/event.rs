@@ -94,6 +94,48 @@ pub enum What<'a> {
         /// Gain, thousandths of that without amplification.
         gain_permille: u32,
     },
+    /// The camera has left its place on its own carbody, or may have.
+    CameraMoved {
+        /// What tells it.
+        evidence: MoveEvidence,
+        /// How far the camera has moved, or what is seen through it, mm.
+        shift_mm: f32,
+        /// How far it has turned, degrees.
+        turn_deg: f32,
+    },
+    /// The camera shakes in its place, as its reference targets show; told again when that has doubled or halved, and
+    /// with zeros when it is over.
+    CameraShaking {
+        /// Root mean square of its shift over a second, mm.
+        shift_mm: f32,
+        /// Root mean square of its turn, degrees.
+        turn_deg: f32,
+    },
+}
+
+/// What tells that the camera has moved; the numbers never change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum MoveEvidence {
+    /// Reference targets on its own carbody: it has, and the measured motion goes on without it.
+    References = 0,
+    /// A step from one frame to the next that no train can make: it probably has.
+    Shock = 1,
+    /// The train stands, and not where it stood at rest: it may have.
+    Standing = 2,
+    /// Evidence that this version does not know.
+    Other = 255,
+}
+
+impl MoveEvidence {
+    fn from_number(number: u8) -> Self {
+        match number {
+            0 => Self::References,
+            1 => Self::Shock,
+            2 => Self::Standing,
+            _ => Self::Other,
+        }
+    }
 }
 
 /// Why a circle is not seen; the numbers never change.
@@ -174,6 +216,8 @@ impl What<'_> {
             What::CommandRefused { .. } => 17,
             What::SetupChanged => 18,
             What::ExposureChanged { .. } => 19,
+            What::CameraMoved { .. } => 24,
+            What::CameraShaking { .. } => 25,
         }
     }
 }
@@ -207,6 +251,10 @@ impl<'a> Event<'a> {
             }
             What::CommandRefused { kind } => put(&kind, out)?,
             What::ExposureChanged { exposure_us, gain_permille } => put(&(exposure_us, gain_permille), out)?,
+            What::CameraMoved { evidence, shift_mm, turn_deg } => {
+                put(&(evidence as u8, shift_mm, turn_deg), out)?
+            }
+            What::CameraShaking { shift_mm, turn_deg } => put(&(shift_mm, turn_deg), out)?,
         };
         Ok(length + fields)
     }
@@ -248,6 +296,15 @@ impl<'a> Event<'a> {
             19 => {
                 let ((exposure_us, gain_permille), rest) = take(rest)?;
                 (What::ExposureChanged { exposure_us, gain_permille }, rest)
+            }
+            24 => {
+                let ((evidence, shift_mm, turn_deg), rest) = take(rest)?;
+                let evidence = MoveEvidence::from_number(evidence);
+                (What::CameraMoved { evidence, shift_mm, turn_deg }, rest)
+            }
+            25 => {
+                let ((shift_mm, turn_deg), rest) = take(rest)?;
+                (What::CameraShaking { shift_mm, turn_deg }, rest)
             }
             _ => return Err(BodyError::Newer),
         };

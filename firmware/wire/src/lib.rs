@@ -23,7 +23,7 @@ pub mod size;
 pub use body::{BodyError, Record, decode_body, encode_body, kind};
 pub use counts::Counts;
 pub use decoder::{Damage, Decoded, Decoder};
-pub use event::{Event, LostReason, What};
+pub use event::{Event, LostReason, MoveEvidence, What};
 pub use frame::{EncodeError, encode, frame};
 pub use marker::{Centres, MAX_MARKERS, Marker, Markers, PACKED_MARKER};
 pub use record::{

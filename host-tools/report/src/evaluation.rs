@@ -70,6 +70,10 @@ pub struct FlagCounts {
     pub corrupt: usize,
     /// From fewer than 7 in 10 of the circles in the picture.
     pub sparse: usize,
+    /// The camera may have moved on its carbody, and nothing tells.
+    pub camera_moved: usize,
+    /// Without the reference targets that the setup has.
+    pub unreferenced: usize,
 }
 
 /// One frame of the session.
@@ -223,6 +227,8 @@ fn count_flags(rows: &[Row]) -> FlagCounts {
         after_gap: count(PoseFlags::AFTER_GAP),
         corrupt: count(PoseFlags::CORRUPT),
         sparse: count(PoseFlags::SPARSE),
+        camera_moved: count(PoseFlags::CAMERA_MOVED),
+        unreferenced: count(PoseFlags::UNREFERENCED),
     }
 }
 

@@ -132,6 +132,8 @@ impl Evaluation {
             (self.flags.after_gap, "after missing frames"),
             (self.flags.corrupt, "from damaged frames"),
             (self.flags.sparse, "from fewer than 7 in 10 of the circles"),
+            (self.flags.camera_moved, "since the camera may have moved"),
+            (self.flags.unreferenced, "without reference targets"),
         ];
         let flagged: Vec<String> =
             flags.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();

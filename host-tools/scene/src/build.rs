@@ -9,6 +9,7 @@ use crate::keys::{self, join};
 use crate::lamp::{Lamp, LampDrive};
 use crate::light::{Fall, Light};
 use crate::motion::{Motion, Motions, Term};
+use crate::mount::Mount;
 use crate::occluder::Occluder;
 use crate::optics::{Lens, Pose, Vec3, add, cross, dot, scale};
 use crate::patch::{Glare, Sun};
@@ -30,7 +31,12 @@ pub(crate) struct Parts {
     pub(crate) line_time_s: f64,
     pub(crate) camera: CameraNumbers,
     pub(crate) lens: Lens,
+    /// CB_02 in the camera at rest.
     pub(crate) rest: Pose,
+    /// CB_01, the camera's own carbody, in the camera while that is in its place.
+    pub(crate) own: Pose,
+    /// How the camera leaves that place.
+    pub(crate) mount: Mount,
     pub(crate) sensor: Sensor,
     pub(crate) light: Light,
     pub(crate) suns: Vec<Sun>,
@@ -52,6 +58,8 @@ pub(crate) struct CameraNumbers {
     pub(crate) principal: [f64; 2],
     pub(crate) skew: f64,
     pub(crate) distortion: [f64; 5],
+    /// Its place in CB_02 at rest, mm, and roll, pitch, yaw, degrees, as far off as the scene says, if the setup tells it.
+    pub(crate) place: Option<[[f64; 3]; 2]>,
 }
 
 /// Reads the table of motions that a scene names: the only thing outside its file.
@@ -86,18 +94,29 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
             ),
         ));
     }
+    let position = keys::POSITION.take_all("camera", camera.position_mm)?;
+    let turned = [
+        keys::CAMERA_ROLL.take("camera", camera.roll_deg)?,
+        keys::CAMERA_PITCH.take("camera", camera.pitch_deg)?,
+        keys::CAMERA_YAW.take("camera", camera.yaw_deg)?,
+    ];
+    let off_mm = keys::PLACE_OFF.take("setup", file.setup.place_off_mm)?;
+    let off_deg = keys::PLACE_TURNED.take("setup", file.setup.place_off_deg)?;
+    let is_told = file.setup.place_off_mm.is_some() || file.setup.place_off_deg.is_some();
     let numbers = CameraNumbers {
+        place: is_told.then(|| [position.map(|at| at + off_mm), turned.map(|angle| angle + off_deg)]),
         focal: keys::FOCAL.take_all("camera", camera.focal_px)?,
         principal: keys::PRINCIPAL.take_all("camera", camera.principal_px)?,
         skew: keys::SKEW.take("camera", camera.skew_px)?,
         distortion: keys::DISTORTION.take_all("camera", camera.distortion)?,
     };
-    let rest = Pose::of_camera(
-        &keys::POSITION.take_all("camera", camera.position_mm)?,
-        keys::CAMERA_ROLL.take("camera", camera.roll_deg)?,
-        keys::CAMERA_PITCH.take("camera", camera.pitch_deg)?,
-        keys::CAMERA_YAW.take("camera", camera.yaw_deg)?,
-    );
+    // Without a place of its own the ends of the two carbodies touch at rest.
+    let own_position = match camera.own_position_mm {
+        Some(position) => keys::OWN_POSITION.take_all("camera", position)?,
+        None => position,
+    };
+    let [roll, pitch, yaw] = turned;
+    let rest = Pose::of_camera(&position, roll, pitch, yaw);
     if file.target.is_empty() {
         return Err(Mistake::new("target", "allowed is at least one target"));
     }
@@ -122,6 +141,8 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
         lens: Lens::new(numbers.focal, numbers.principal, numbers.skew, numbers.distortion),
         camera: numbers,
         rest,
+        own: Pose::of_camera(&own_position, roll, pitch, yaw),
+        mount: mount(file)?,
         sensor: sensor(file)?,
         light: light(file)?,
         suns: suns(file)?,
@@ -313,6 +334,7 @@ fn plate(table: &TargetTable, at: &str) -> Result<Plate, Mistake> {
     Ok(Plate {
         is_lit,
         name: table.name.clone(),
+        carbody: keys::CARBODY.take_whole(at, table.carbody)? as u8,
         origin: keys::ORIGIN.take_all(at, table.origin_mm)?,
         axes,
         circles: table.circles_mm.clone(),
@@ -408,6 +430,42 @@ fn motion(file: &SceneFile, table: Vec<Motions>, rate_hz: f64) -> Result<Motion,
         terms.push((index(stairs.degree), term));
     }
     Ok(Motion { rest_s, terms, table, rate_hz })
+}
+
+fn mount(file: &SceneFile) -> Result<Mount, Mistake> {
+    let mut terms = Vec::new();
+    let sizes = |shift, turn, at: &str| {
+        let shift: [f64; 3] = keys::CAMERA_SHIFT.take_all(at, shift)?;
+        let turn: [f64; 3] = keys::CAMERA_TURN.take_all(at, turn)?;
+        Ok(shift.into_iter().chain(turn).enumerate().filter(|(_, size)| *size != 0.0))
+    };
+    for (i, knock) in file.knock.iter().enumerate() {
+        let table = format!("knock[{i}]");
+        let at = keys::TERM_AT.take(&table, knock.at_s)?;
+        let rise = keys::KNOCK_TAKES.take(&table, knock.takes_s)?;
+        let sizes = sizes(knock.shift_mm, knock.turn_deg, &table)?;
+        terms.extend(sizes.map(|(degree, size)| (degree, Term::Step { size, at, rise })));
+    }
+    for (i, shake) in file.shake.iter().enumerate() {
+        let at = format!("shake[{i}]");
+        let start = keys::SHAKE_START.take(&at, shake.start_s)?;
+        let end = match shake.end_s {
+            Some(_) => keys::TERM_END.take(&at, shake.end_s)?,
+            None => f64::INFINITY,
+        };
+        if end <= start {
+            let message = format!("is {end}, allowed is more than {start} s, where it starts");
+            return Err(Mistake::new(join(&at, "end_s"), message));
+        }
+        let frequency = keys::FREQUENCY.take(&at, shake.frequency_hz)?;
+        let phase = keys::PHASE.take(&at, shake.phase_deg)?.to_radians();
+        let fade = keys::FADE.take(&at, shake.fade_s)?;
+        let sizes = sizes(shake.shift_mm, shake.turn_deg, &at)?;
+        terms.extend(sizes.map(|(degree, amplitude)| {
+            (degree, Term::Sine { amplitude, frequency, phase, start, end, fade })
+        }));
+    }
+    Ok(Mount { terms })
 }
 
 fn index(degree: Degree) -> usize {

@@ -37,6 +37,10 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) motion: MotionTable,
     #[serde(default)]
+    pub(crate) knock: Vec<KnockTable>,
+    #[serde(default)]
+    pub(crate) shake: Vec<ShakeTable>,
+    #[serde(default)]
     pub(crate) occluder: Vec<OccluderTable>,
     #[serde(default)]
     pub(crate) post: Vec<PostTable>,
@@ -60,6 +64,7 @@ pub(crate) struct CameraTable {
     pub(crate) exposure_ms: Option<f64>,
     pub(crate) line_time_us: Option<f64>,
     pub(crate) position_mm: [f64; 3],
+    pub(crate) own_position_mm: Option<[f64; 3]>,
     pub(crate) roll_deg: Option<f64>,
     pub(crate) pitch_deg: Option<f64>,
     pub(crate) yaw_deg: Option<f64>,
@@ -168,6 +173,7 @@ pub(crate) struct TargetTable {
     pub(crate) name: String,
     #[serde(default)]
     pub(crate) kind: Kind,
+    pub(crate) carbody: Option<i64>,
     pub(crate) origin_mm: [f64; 3],
     pub(crate) u: Option<[f64; 3]>,
     pub(crate) v: Option<[f64; 3]>,
@@ -296,11 +302,41 @@ pub(crate) enum Side {
     Right,
 }
 
-/// What goes into the written setup: whether the targets have seeds, and tables as they are.
+/// The camera's mount is knocked out of its place, and stays there.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct KnockTable {
+    pub(crate) at_s: Option<f64>,
+    pub(crate) takes_s: Option<f64>,
+    #[serde(default)]
+    pub(crate) shift_mm: [f64; 3],
+    #[serde(default)]
+    pub(crate) turn_deg: [f64; 3],
+}
+
+/// The camera's mount vibrates about its place.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ShakeTable {
+    pub(crate) frequency_hz: Option<f64>,
+    pub(crate) phase_deg: Option<f64>,
+    pub(crate) start_s: Option<f64>,
+    pub(crate) end_s: Option<f64>,
+    pub(crate) fade_s: Option<f64>,
+    #[serde(default)]
+    pub(crate) shift_mm: [f64; 3],
+    #[serde(default)]
+    pub(crate) turn_deg: [f64; 3],
+}
+
+/// What goes into the written setup: whether the targets have seeds, how far off the camera's place is told if it is told
+/// at all, and tables as they are.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SetupTables {
     pub(crate) seeds: Option<bool>,
+    pub(crate) place_off_mm: Option<f64>,
+    pub(crate) place_off_deg: Option<f64>,
     pub(crate) tracker: Option<toml::Table>,
     pub(crate) solver: Option<toml::Table>,
     pub(crate) rest: Option<toml::Table>,

@@ -39,6 +39,7 @@ pub(crate) const DISTORTION: Number = optional("distortion", "", 0.0, -10.0, 10.
 pub(crate) const EXPOSURE: Number = optional("exposure_ms", "ms", 0.0, 0.0, 10_000.0);
 pub(crate) const LINE_TIME: Number = optional("line_time_us", "us", 0.0, -200.0, 200.0);
 pub(crate) const POSITION: Number = required("position_mm", "mm", -100_000.0, 100_000.0);
+pub(crate) const OWN_POSITION: Number = required("own_position_mm", "mm", -100_000.0, 100_000.0);
 pub(crate) const CAMERA_ROLL: Number = optional("roll_deg", "degrees", 0.0, -180.0, 180.0);
 pub(crate) const CAMERA_PITCH: Number = optional("pitch_deg", "degrees", 0.0, -89.0, 89.0);
 pub(crate) const CAMERA_YAW: Number = optional("yaw_deg", "degrees", 0.0, -180.0, 180.0);
@@ -87,6 +88,7 @@ pub(crate) const WHEELS: Number = optional("wheels", "", 0.0, 0.0, 200.0);
 pub(crate) const LOUDSPEAKERS: Number = optional("loudspeakers", "", 0.0, 0.0, 200.0);
 
 // [[target]] and [[poster]]
+pub(crate) const CARBODY: Number = optional("carbody", "", 2.0, 1.0, 2.0);
 pub(crate) const ORIGIN: Number = required("origin_mm", "mm", -100_000.0, 100_000.0);
 pub(crate) const OUTER: Number = required("outer_diameter_mm", "mm", 1.0, 10_000.0);
 pub(crate) const INNER: Number = required("inner_diameter_mm", "mm", 0.5, 10_000.0);
@@ -120,6 +122,12 @@ pub(crate) const TERM_END: Number = required("end_s", "s", 0.0, 1e6);
 pub(crate) const STEPS: Number = required("steps", "", 1.0, 100_000.0);
 pub(crate) const EVERY: Number = required("every_s", "s", 0.001, 1e6);
 
+// [[knock]] and [[shake]]: terms of a motion, with sizes of their own
+pub(crate) const CAMERA_SHIFT: Number = required("shift_mm", "mm", -1000.0, 1000.0);
+pub(crate) const CAMERA_TURN: Number = required("turn_deg", "degrees", -45.0, 45.0);
+pub(crate) const KNOCK_TAKES: Number = optional("takes_s", "s", 0.0, 0.0, 1e6);
+pub(crate) const SHAKE_START: Number = optional("start_s", "s", 0.0, 0.0, 1e6);
+
 // [[occluder]] and [[post]]
 pub(crate) const OCCLUDER_SIZE: Number = required("size_px", "px", 0.0, 20_000.0);
 pub(crate) const OCCLUDER_PATH: Number = required("path", "s and px", -1e6, 1e6);
@@ -136,6 +144,10 @@ pub(crate) const PERSON_ENTERS: Number = required("enters_s", "s", 0.0, 1e6);
 pub(crate) const PERSON_STANDS: Number = required("stands_s", "s", 0.0, 1e6);
 pub(crate) const PERSON_GOES: Number = required("goes_s", "s", 0.0, 1e6);
 pub(crate) const PERSON_LEAVES: Number = required("leaves_s", "s", 0.0, 1e6);
+
+// [setup]
+pub(crate) const PLACE_OFF: Number = optional("place_off_mm", "mm", 0.0, -10_000.0, 10_000.0);
+pub(crate) const PLACE_TURNED: Number = optional("place_off_deg", "degrees", 0.0, -45.0, 45.0);
 
 impl Number {
     /// The value in the table called `table`, or the default.

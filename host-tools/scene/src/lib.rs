@@ -22,6 +22,7 @@ mod keys;
 mod lamp;
 mod light;
 mod motion;
+mod mount;
 mod occluder;
 mod optics;
 mod output;

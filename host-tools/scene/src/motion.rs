@@ -63,7 +63,7 @@ fn rise(share: f64) -> f64 {
 
 impl Term {
     /// Its value at a time, mm or degrees.
-    fn at(&self, t: f64) -> f64 {
+    pub(crate) fn at(&self, t: f64) -> f64 {
         match *self {
             Term::Sine { amplitude, frequency, phase, start, end, fade } => {
                 if t < start || t >= end {

@@ -31,6 +31,14 @@ impl Occluder {
         place(&self.path, t)
     }
 
+    /// Whether it stands before any of the square of half side `half` about a place, px.
+    pub(crate) fn covers(&self, t: f64, place: [f64; 2], half: f64) -> bool {
+        let near = |middle: [f64; 2]| {
+            (0..2).all(|axis| (middle[axis] - place[axis]).abs() < 0.5 * self.size[axis] + half)
+        };
+        self.at(t).is_some_and(near)
+    }
+
     /// How far it moves between two times at most, px.
     pub(crate) fn travel_px(&self, from: f64, to: f64) -> f64 {
         match (self.at(from), self.at(to)) {

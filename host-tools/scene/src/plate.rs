@@ -14,9 +14,11 @@ const OUTLINE: usize = 16;
 pub(crate) struct Plate {
     /// Its name in the setup.
     pub(crate) name: String,
-    /// Origin in CB_02, mm.
+    /// The carbody that carries it: 2, or 1, the camera's own.
+    pub(crate) carbody: u8,
+    /// Origin in its carbody, mm.
     pub(crate) origin: Vec3,
-    /// Axes u, v, w in CB_02.
+    /// Axes u, v, w in its carbody.
     pub(crate) axes: [Vec3; 3],
     /// Ring centres (u, v), mm.
     pub(crate) circles: Vec<[f64; 2]>,
@@ -31,7 +33,7 @@ pub(crate) struct Plate {
 }
 
 impl Plate {
-    /// A point of the sheet's plane in CB_02, mm.
+    /// A point of the sheet's plane in its carbody, mm.
     pub(crate) fn point(&self, [u, v]: [f64; 2]) -> Vec3 {
         add(&self.origin, &add(&scale(&self.axes[0], u), &scale(&self.axes[1], v)))
     }

@@ -108,7 +108,8 @@ impl<'a> Studio<'a> {
         // Of each moment's part of the exposure.
         let part = half / count as f64;
         let lit: Vec<f64> = moments.iter().map(|t| parts.lamp.lit_share(t - part, t + part)).collect();
-        let poses: Vec<Pose> = moments.iter().map(|t| pose_at(parts, *t)).collect();
+        let poses = [1, 2]
+            .map(|carbody| -> Vec<Pose> { moments.iter().map(|t| pose_at(parts, carbody, *t)).collect() });
         let reach = (self.kernel.len() - 1) as i32;
         let canvas =
             PixelBox { x: [-reach, parts.size[0] as i32 + reach], y: [-reach, parts.size[1] as i32 + reach] };
@@ -116,7 +117,10 @@ impl<'a> Studio<'a> {
             .plates
             .iter()
             .chain(&parts.posters)
-            .filter_map(|plate| View::new(plate, &poses, &lit, &parts.lens, &canvas, self.aperture))
+            .filter_map(|plate| {
+                let poses = &poses[usize::from(plate.carbody == 2)];
+                View::new(plate, poses, &lit, &parts.lens, &canvas, self.aperture)
+            })
             .collect();
         views.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         let occluders =
@@ -129,10 +133,13 @@ impl<'a> Studio<'a> {
     /// How far anything moves in the picture over an exposure, px.
     fn travel_px(&self, from: f64, middle: f64, to: f64) -> f64 {
         let parts = self.parts;
-        let poses = [from, middle, to].map(|t| pose_at(parts, t));
         let mut most: f64 = 0.0;
-        if poses[0] != poses[1] || poses[1] != poses[2] {
-            for plate in &parts.plates {
+        for carbody in [1, 2] {
+            let poses = [from, middle, to].map(|t| pose_at(parts, carbody, t));
+            if poses[0] == poses[1] && poses[1] == poses[2] {
+                continue;
+            }
+            for plate in parts.plates.iter().filter(|plate| plate.carbody == carbody) {
                 for circle in &plate.circles {
                     let point = plate.point(*circle);
                     let pixels = poses.map(|pose| parts.lens.project(&pose.transform(&point)));
@@ -223,8 +230,13 @@ fn blur_column(kernel: &[f32], rows: &[f32], i: usize, out: &mut [f32]) {
     }
 }
 
-/// Pose of CB_02 in the camera at a time, seconds.
-pub(crate) fn pose_at(parts: &Parts, t: f64) -> Pose {
-    let [x, y, z, roll, pitch, yaw] = parts.motion.at(t);
-    parts.rest.moved(&[x, y, z], &crate::optics::rotation(roll, pitch, yaw))
+/// Pose of a carbody in the camera at a time, seconds.
+pub(crate) fn pose_at(parts: &Parts, carbody: u8, t: f64) -> Pose {
+    let from_its_place = if carbody == 1 {
+        parts.own
+    } else {
+        let [x, y, z, roll, pitch, yaw] = parts.motion.at(t);
+        parts.rest.moved(&[x, y, z], &crate::optics::rotation(roll, pitch, yaw))
+    };
+    parts.mount.seen(&from_its_place, &parts.own, t)
 }

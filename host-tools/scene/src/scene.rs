@@ -161,10 +161,20 @@ impl Scene {
     /// Where the centre of each target's each circle is in a frame, px, at mid-exposure; nothing for one that
     /// has no place in the picture's plane.
     pub fn centres(&self, frame: u32) -> Vec<Vec<Option<[f64; 2]>>> {
-        let pose = crate::render::pose_at(&self.parts, self.time_s(frame));
-        let centre = |point| self.parts.lens.project(&pose.transform(&point));
+        let poses = [1, 2].map(|carbody| crate::render::pose_at(&self.parts, carbody, self.time_s(frame)));
         let plates = self.parts.plates.iter();
-        plates.map(|plate| plate.circles.iter().map(|c| centre(plate.point(*c))).collect()).collect()
+        let of_plate = |plate: &crate::plate::Plate| {
+            let pose = &poses[usize::from(plate.carbody == 2)];
+            let centre = |c: &[f64; 2]| self.parts.lens.project(&pose.transform(&plate.point(*c)));
+            plate.circles.iter().map(centre).collect()
+        };
+        plates.map(of_plate).collect()
+    }
+
+    /// Whether something stands before any of the square of half side `half_px` about a place, px, at mid-exposure.
+    pub fn is_covered(&self, frame: u32, place: [f64; 2], half_px: f64) -> bool {
+        let t = self.time_s(frame);
+        self.parts.occluders.iter().any(|occluder| occluder.covers(t, place, half_px))
     }
 
     /// The motion at a frame's mid-exposure.

@@ -13,12 +13,14 @@ pub(crate) const FEWEST_SEEDS: usize = 4;
 
 /// Where a plate's circles are at rest, px; nothing unless all show.
 pub(crate) fn seeds(parts: &Parts, plate: &Plate) -> Option<Vec<[f64; 2]>> {
-    let normal = crate::optics::apply(&parts.rest.rotation, &plate.axes[2]);
+    let in_place = if plate.carbody == 1 { &parts.own } else { &parts.rest };
+    let pose = parts.mount.seen(in_place, &parts.own, 0.0);
+    let normal = crate::optics::apply(&pose.rotation, &plate.axes[2]);
     plate
         .circles
         .iter()
         .map(|circle| {
-            let point = parts.rest.transform(&plate.point(*circle));
+            let point = pose.transform(&plate.point(*circle));
             let inside = |pixel: &[f64; 2]| {
                 pixel.iter().zip(parts.size).all(|(p, side)| *p >= 0.0 && *p <= f64::from(side) - 1.0)
             };
@@ -62,12 +64,19 @@ fn write_text(
     }
     writeln!(out, "focal_px = {:?}\nprincipal_px = {:?}", camera.focal, camera.principal)?;
     writeln!(out, "skew_px = {:?}\ndistortion = {:?}", camera.skew, camera.distortion)?;
+    if let Some([position, [roll, pitch, yaw]]) = camera.place {
+        writeln!(out, "position_mm = {position:?}")?;
+        writeln!(out, "roll_deg = {roll:?}\npitch_deg = {pitch:?}\nyaw_deg = {yaw:?}")?;
+    }
     for (target, (plate, seen_plate)) in parts.plates.iter().zip(&seen.plates).enumerate() {
         let known: Vec<usize> = (0..plate.circles.len()).filter(|circle| chosen(target, *circle)).collect();
         if known.is_empty() {
             continue;
         }
         writeln!(out, "\n[[target]]\nname = {}", quoted(&plate.name))?;
+        if plate.carbody != 2 {
+            writeln!(out, "carbody = {}", plate.carbody)?;
+        }
         writeln!(out, "origin_mm = {:?}", plate.origin)?;
         writeln!(out, "u = {:?}\nv = {:?}", plate.axes[0], plate.axes[1])?;
         writeln!(out, "outer_diameter_mm = {:?}", 2.0 * plate.radii[0])?;

@@ -82,7 +82,7 @@ pub fn numbers(pose: &Pose) -> Option<[f32; 13]> {
 
 /// Words of the flags, joined by `|`; bits that this version does not know as `bit9`.
 pub fn flag_words(flags: PoseFlags) -> String {
-    const WORDS: [(PoseFlags, &str); 11] = [
+    const WORDS: [(PoseFlags, &str); 13] = [
         (PoseFlags::WAITING, "waiting"),
         (PoseFlags::FEW_MARKERS, "few-markers"),
         (PoseFlags::NO_SOLUTION, "no-solution"),
@@ -94,6 +94,8 @@ pub fn flag_words(flags: PoseFlags) -> String {
         (PoseFlags::SPARSE, "sparse"),
         (PoseFlags::DARK, "dark"),
         (PoseFlags::SWITCHED, "switched"),
+        (PoseFlags::CAMERA_MOVED, "camera-moved"),
+        (PoseFlags::UNREFERENCED, "unreferenced"),
     ];
     let bits = (0..u16::BITS).filter(|bit| flags.0 >> bit & 1 == 1);
     let words = bits.map(|bit| {
@@ -112,6 +114,6 @@ mod tests {
         assert_eq!(flag_words(PoseFlags(0)), "");
         assert_eq!(flag_words(PoseFlags::WAITING), "waiting");
         assert_eq!(flag_words(PoseFlags(0xffff)).split('|').count(), 16);
-        assert_eq!(flag_words(PoseFlags::AFTER_GAP | PoseFlags(1 << 12)), "after-gap|bit12");
+        assert_eq!(flag_words(PoseFlags::AFTER_GAP | PoseFlags(1 << 15)), "after-gap|bit15");
     }
 }

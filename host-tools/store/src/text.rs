@@ -221,6 +221,8 @@ fn describe_event(event: &Event<'_>, fields: &mut Fields) {
         What::CommandRefused { .. } => "command-refused",
         What::SetupChanged => "setup-changed",
         What::ExposureChanged { .. } => "exposure-changed",
+        What::CameraMoved { .. } => "camera-moved",
+        What::CameraShaking { .. } => "camera-shaking",
     };
     fields.text("what", what);
     match event.what {
@@ -238,7 +240,26 @@ fn describe_event(event: &Event<'_>, fields: &mut Fields) {
             fields.plain("exposure_us", exposure_us);
             fields.plain("gain_permille", gain_permille);
         }
+        What::CameraMoved { evidence, shift_mm, turn_deg } => {
+            fields.text("evidence", evidence_words(evidence));
+            fields.plain("shift_mm", shift_mm);
+            fields.plain("turn_deg", turn_deg);
+        }
+        What::CameraShaking { shift_mm, turn_deg } => {
+            fields.plain("shift_mm", shift_mm);
+            fields.plain("turn_deg", turn_deg);
+        }
         _ => {}
+    }
+}
+
+fn evidence_words(evidence: gangway_wire::MoveEvidence) -> &'static str {
+    use gangway_wire::MoveEvidence::*;
+    match evidence {
+        References => "references",
+        Shock => "shock",
+        Standing => "standing",
+        Other => "other",
     }
 }
 

@@ -87,8 +87,8 @@ fn every_kind_of_mistake_has_its_sentence() {
         ),
         (
             "# carbody = 2",
-            "carbody = 1",
-            "40: target[0].carbody is 1; targets on the camera's own carbody are not measured yet, it must be 2",
+            "carbody = 3",
+            "40: target[0].carbody is 3; it must be a whole number between 1 and 2",
         ),
         (
             "# kind = \"printed\"",
@@ -98,12 +98,12 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "# lamps = \"on\"",
             "lamps = \"alternate\"",
-            "134: board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms",
+            "138: board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms",
         ),
         (
             "# exposure = \"fixed\"",
             "exposure = \"auto\"",
-            "126: capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms",
+            "130: capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms",
         ),
         (
             "# kind = \"printed\"",
@@ -222,13 +222,13 @@ fn lamps_that_alternate_need_a_gap_between_two_exposures() {
     assert_eq!(said(&text("exposure_ms = 18.9", "")), "good");
     assert_eq!(
         said(&text("exposure_ms = 19.0", "")),
-        "ride.toml:134: board.lamps is \"alternate\", but camera.exposure_ms is 19; it must be below 19.00 ms, so that 1 \
+        "ride.toml:138: board.lamps is \"alternate\", but camera.exposure_ms is 19; it must be below 19.00 ms, so that 1 \
          ms are left between two exposures"
     );
     assert_eq!(said(&text("exposure_ms = 3.0", "line_time_us = 14.0")), "good");
     assert_eq!(
         said(&text("exposure_ms = 3.0", "line_time_us = 18.0")),
-        "ride.toml:134: board.lamps is \"alternate\", but the rows of a frame take 19.4 of its 20.0 ms; 1 ms must be left \
+        "ride.toml:138: board.lamps is \"alternate\", but the rows of a frame take 19.4 of its 20.0 ms; 1 ms must be left \
          between two exposures: take fewer frames a second or \"on\""
     );
 }

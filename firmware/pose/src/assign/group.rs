@@ -29,10 +29,10 @@ const SHARED: usize = 3;
 /// A group is larger than another by so many circles at least.
 const LARGER: usize = 2;
 
-// Instructions, about.
-const WORK_RING: u32 = 14;
-const WORK_PAIR: u32 = 14;
-const WORK_TRY: u32 = 900;
+// Work, in the unit of the slices that it is done in.
+const WORK_RING: u32 = 21;
+const WORK_PAIR: u32 = 21;
+const WORK_TRY: u32 = 1_350;
 
 /// A target's pattern found among the rings.
 #[derive(Clone, Debug)]

@@ -42,10 +42,10 @@ const RIVAL: (u32, u32) = (3, 4);
 /// ... unless its residual is so many times the best one's, and more than so many pixels.
 const WORSE: (f64, f64) = (4.0, 0.4);
 
-// Instructions, about.
-const WORK_SOLVE: [u32; 2] = [25_000, 6_000];
-const WORK_PROJECT: u32 = 600;
-const WORK_COMPARE: u32 = 8;
+// Work, in the unit of the slices that it is done in.
+const WORK_SOLVE: [u32; 2] = [37_500, 9_000];
+const WORK_PROJECT: u32 = 900;
+const WORK_COMPARE: u32 = 12;
 
 /// A pose and what speaks for it.
 #[derive(Clone, Debug)]

@@ -15,6 +15,12 @@ fn check(record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u
 }
 
 fn check_in(capture: &[u8], record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u32) {
+    let line = check_bytes(record, sequence, kind, fields, checksum);
+    assert_eq!(capture.split_inclusive(|&byte| byte == 0).nth(sequence as usize), Some(&line[..]));
+}
+
+/// The same for a record that is younger than the captures; its bytes on the line.
+fn check_bytes(record: &Record, sequence: u32, kind: u8, fields: &[&[u8]], checksum: u32) -> Vec<u8> {
     let expected = fields.concat();
     let mut body = [0; MAX_FRAME];
     let length = encode_body(record, &mut body).unwrap();
@@ -29,13 +35,13 @@ fn check_in(capture: &[u8], record: &Record, sequence: u32, kind: u8, fields: &[
     let whole = [&sequence.to_le_bytes()[..], &[kind], &expected, &checksum.to_le_bytes()].concat();
     assert_eq!(raw[..unstuffed.frame_size()], whole, "frame of {record:?}");
     assert_eq!(line[length - 1], 0);
-    assert_eq!(capture.split_inclusive(|&byte| byte == 0).nth(sequence as usize), Some(&line[..length]));
 
     let mut decoder = Decoder::new();
     let (decoded, rest) = decoder.feed(&line[..length]);
     let record = record.clone();
     assert_eq!(decoded, Some(Decoded::Record { sequence, kind, body: &expected, record, newer: false }));
     assert!(rest.is_empty());
+    line[..length].to_vec()
 }
 
 #[test]
@@ -264,6 +270,48 @@ fn lamps_and_exposure() {
         check(&record, sequence, 6, &[EVENT_START, fields], checksum);
         assert_eq!(what.number(), fields[0]);
     }
+}
+
+#[test]
+fn events_and_flags_of_a_moved_camera() {
+    use MoveEvidence::*;
+    let events: [(What, &[u8], u32); 5] = [
+        (
+            What::CameraMoved { evidence: References, shift_mm: 2.0, turn_deg: 0.25 },
+            &[24, 0, 0, 0, 0, 0x40, 0, 0, 0x80, 0x3E],
+            0xCE59_2681,
+        ),
+        (
+            What::CameraMoved { evidence: Shock, shift_mm: 2.0, turn_deg: 0.25 },
+            &[24, 1, 0, 0, 0, 0x40, 0, 0, 0x80, 0x3E],
+            0x7CA9_A2CC,
+        ),
+        (
+            What::CameraMoved { evidence: Standing, shift_mm: 2.0, turn_deg: 0.25 },
+            &[24, 2, 0, 0, 0, 0x40, 0, 0, 0x80, 0x3E],
+            0x8B74_62A1,
+        ),
+        (
+            What::CameraMoved { evidence: Other, shift_mm: 2.0, turn_deg: 0.25 },
+            &[24, 255, 0, 0, 0, 0x40, 0, 0, 0x80, 0x3E],
+            0x4946_D662,
+        ),
+        (What::CameraShaking { shift_mm: 0.5, turn_deg: 0.0 }, &[25, 0, 0, 0, 0x3F, 0, 0, 0, 0], 0x1C08_1039),
+    ];
+    for (sequence, (what, fields, checksum)) in (42..).zip(events) {
+        let record = Record::Event(Event { frame: 300, time_ns: 1 << 32, what });
+        check_bytes(&record, sequence, 6, &[EVENT_START, fields], checksum);
+        assert_eq!(what.number(), fields[0]);
+    }
+    let flags = PoseFlags::SPARSE | PoseFlags::CAMERA_MOVED | PoseFlags::UNREFERENCED;
+    let record = Record::Pose(Pose { frame: 1, time_ns: 2, flags, markers: 0, motion: None });
+    let fields: &[&[u8]] = &[
+        &[1],                      // frame
+        &[2, 0, 0, 0, 0, 0, 0, 0], // time
+        &[0x80, 0x62],             // flags: bits 8, 12 and 13: 0x62 * 128 = 12,544
+        &[0, 0],                   // no circles, no motion
+    ];
+    check_bytes(&record, 47, 4, fields, 0x4229_B261);
 }
 
 #[test]

@@ -76,6 +76,17 @@ fn an_unknown_reason_is_another_reason() {
 }
 
 #[test]
+fn unknown_evidence_of_a_move_is_other_evidence() {
+    let line = framed(kind::EVENT, &event(24, &[99, 0, 0, 0, 0x40, 0, 0, 0, 0]));
+    let mut decoder = Decoder::new();
+    let Some(Decoded::Record { record: Record::Event(event), newer, .. }) = decoder.feed(&line).0 else {
+        panic!("no event");
+    };
+    assert_eq!(event.what, What::CameraMoved { evidence: MoveEvidence::Other, shift_mm: 2.0, turn_deg: 0.0 });
+    assert!(!newer);
+}
+
+#[test]
 fn unknown_flags_are_kept() {
     let pose = Pose { frame: 1, time_ns: 2, flags: PoseFlags(0x8000), markers: 0, motion: None };
     let line = framed(kind::POSE, &body(&Record::Pose(pose)));

@@ -45,7 +45,7 @@ fn any_text(limit: usize) -> impl Strategy<Value = String> {
 }
 
 fn any_what() -> impl Strategy<Value = (u8, u8, u32, String)> {
-    (0..19_u8, any::<u8>(), any::<u32>(), any_text(MAX_MARK))
+    (0..21_u8, any::<u8>(), any::<u32>(), any_text(MAX_MARK))
 }
 
 fn what<'t>((choice, small, count, text): &'t (u8, u8, u32, String)) -> What<'t> {
@@ -69,7 +69,13 @@ fn what<'t>((choice, small, count, text): &'t (u8, u8, u32, String)) -> What<'t>
         15 => What::Mark { text },
         16 => What::CommandRefused { kind: *small },
         17 => What::ExposureChanged { exposure_us: count, gain_permille: count / 3 },
-        _ => What::SetupChanged,
+        18 => What::SetupChanged,
+        19 => What::CameraMoved {
+            evidence: MoveEvidence::Shock,
+            shift_mm: count as f32,
+            turn_deg: f32::from(*small),
+        },
+        _ => What::CameraShaking { shift_mm: count as f32, turn_deg: f32::from(*small) },
     }
 }
 

@@ -249,6 +249,8 @@ impl<'a> Figure<'a> {
             (flagged(PoseFlags::BEYOND_LIMITS), "beyond limits"),
             (flagged(PoseFlags::AFTER_GAP), "after gap"),
             (flagged(PoseFlags::CORRUPT), "damaged"),
+            (flagged(PoseFlags::CAMERA_MOVED), "camera moved"),
+            (flagged(PoseFlags::UNREFERENCED), "unreferenced"),
         ];
         let mut y = PANELS_END + 8.0;
         for (spans, name) in lanes.iter().filter(|(spans, _)| !spans.is_empty()) {

@@ -1,0 +1,205 @@
+//! What keeping and finding come to on one scene: poses where enough rings are free to see, wrong rings, the time to be
+//! found again, errors beside their standard deviations, and the cost of a frame.
+
+use gangway_scene::Scene;
+use gangway_wire::{Pose, PoseFlags, Record};
+
+use crate::{Keeping, Loop, Ride};
+
+/// Fewest rings free to see that must give a pose.
+pub const ENOUGH: usize = 6;
+/// Longest time to be found again, frames: half a second.
+pub const FOUND_WITHIN: usize = 25;
+/// A ring further off than this is another one, px: a quarter of the smallest ring.
+const WRONG_PX: f64 = 5.0;
+/// Half the largest ring of these scenes, with its blur, px.
+const HALF_PX: f64 = 16.0;
+/// The tracker's least contrast, 8 grey levels, with room for noise.
+const CONTRAST: u8 = 14;
+
+/// A frame that shows best what goes wrong in a scene, if anything does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Worst {
+    /// Seed of the scene.
+    pub seed: u64,
+    /// Number of the frame.
+    pub frame: usize,
+    /// Wrong rings, then whether a pose is missing, then the largest error in standard deviations.
+    rank: (usize, bool, f64),
+}
+
+/// What came of one scene.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Frames in all.
+    pub frames: usize,
+    /// Frames with enough rings free, after the targets were found first ...
+    pub enough: usize,
+    /// ... and of these the ones with a pose.
+    pub poses: usize,
+    /// Frames whose motion is marked: the camera may have moved, or reference targets are hidden.
+    pub marked: usize,
+    /// Wrong rings in poses.
+    pub wrong: usize,
+    /// Most frames on end with enough rings free and no pose.
+    pub longest: usize,
+    /// Largest error of an unmarked displacement, mm, with its standard deviation.
+    pub off_mm: [f64; 2],
+    /// Largest error of an unmarked rotation, degrees, with its standard deviation.
+    pub off_deg: [f64; 2],
+    /// Largest error in its own standard deviations.
+    pub most_sigmas: f64,
+    /// Processor time of each frame, us.
+    pub cost_us: Vec<f64>,
+    /// The frame to look at.
+    pub worst: Worst,
+}
+
+impl Outcome {
+    /// Takes in another seed.
+    pub fn add(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.enough += other.enough;
+        self.poses += other.poses;
+        self.marked += other.marked;
+        self.wrong += other.wrong;
+        self.longest = self.longest.max(other.longest);
+        for (most, new) in [(&mut self.off_mm, other.off_mm), (&mut self.off_deg, other.off_deg)] {
+            if new[0] > most[0] {
+                *most = new;
+            }
+        }
+        self.most_sigmas = self.most_sigmas.max(other.most_sigmas);
+        self.cost_us.extend(other.cost_us);
+        if other.worst.rank > self.worst.rank {
+            self.worst = other.worst;
+        }
+    }
+
+    /// Cost of a frame at the median and at most, us.
+    pub fn cost(&self) -> [f64; 2] {
+        let mut sorted = self.cost_us.clone();
+        sorted.sort_by(f64::total_cmp);
+        [sorted.get(sorted.len() / 2), sorted.last()].map(|cost| cost.copied().unwrap_or(0.0))
+    }
+
+    /// Compares a motion with the truth.
+    fn judge(&mut self, pose: &Pose, ride: &Ride, frame: usize) -> f64 {
+        let Some(motion) = &pose.motion else { return 0.0 };
+        if pose.flags.contains(PoseFlags::CAMERA_MOVED) || pose.flags.contains(PoseFlags::UNREFERENCED) {
+            self.marked += 1;
+            return 0.0;
+        }
+        let truth = &ride.truth[frame];
+        let mut most = 0.0_f64;
+        for axis in 0..6 {
+            let (measured, truth, into) = if axis < 3 {
+                (motion.displacement_mm[axis], truth.displacement_mm[axis], &mut self.off_mm)
+            } else {
+                (motion.rotation_deg[axis - 3], truth.rotation_deg[axis - 3], &mut self.off_deg)
+            };
+            let (off, sigma) = ((f64::from(measured) - truth).abs(), f64::from(motion.sigma[axis]));
+            if off > into[0] {
+                *into = [off, sigma];
+            }
+            most = most.max(off / sigma);
+        }
+        self.most_sigmas = self.most_sigmas.max(most);
+        most
+    }
+}
+
+/// How often a ride is played: the least cost of each frame is what it takes, the rest is what else the machine does.
+const PLAYS: usize = 3;
+
+/// Plays one seed of a scene.
+pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
+    let scene = keeping.scene(seed);
+    let ride = Ride::of(&scene);
+    let mut frame_loop: Loop<'_> = ride.start();
+    let mut outcome = Outcome { frames: ride.frames.len(), ..Outcome::default() };
+    let mut without = 0;
+    let costs =
+        (1..PLAYS).map(|_| costs(&ride)).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect());
+    for frame in 0..ride.frames.len() {
+        let centres: Vec<Option<[f64; 2]>> = scene.centres(frame as u32).into_iter().flatten().collect();
+        let free = count_free(&scene, &ride, frame, &centres);
+        let (mut pose, mut wrong) = (None, 0);
+        let start = thread_us();
+        frame_loop.step_without_reading(frame, frame as u32);
+        let cost = thread_us() - start;
+        outcome.cost_us.push(costs.as_ref().map_or(cost, |costs| cost.min(costs[frame])));
+        frame_loop.read(|_, _, record| match record {
+            Record::Pose(measured) => pose = Some(*measured),
+            Record::Markers(markers) => {
+                for (circle, marker) in markers.iter().filter(|(circle, _)| markers.is_used(*circle)) {
+                    let off = centres[usize::from(circle)].map_or(f64::INFINITY, |at| {
+                        let [u, v] = marker.at_px.map(f64::from);
+                        (u - at[0]).hypot(v - at[1])
+                    });
+                    wrong += usize::from(off > WRONG_PX);
+                }
+            }
+            _ => {}
+        });
+        outcome.wrong += wrong;
+        let has_pose = pose.is_some_and(|pose| pose.markers > 0);
+        let sigmas = pose.map_or(0.0, |pose| outcome.judge(&pose, &ride, frame));
+        let missing = free >= ENOUGH && !has_pose;
+        if free >= ENOUGH {
+            outcome.enough += 1;
+            outcome.poses += usize::from(has_pose);
+        }
+        without = if missing { without + 1 } else { 0 };
+        outcome.longest = outcome.longest.max(without);
+        let rank = (wrong, missing, sigmas);
+        if rank >= outcome.worst.rank {
+            outcome.worst = Worst { seed, frame, rank };
+        }
+    }
+    outcome
+}
+
+/// What each frame of a ride costs, us.
+fn costs(ride: &Ride) -> Vec<f64> {
+    let mut frame_loop = ride.start();
+    let step = |frame: usize| {
+        let start = thread_us();
+        frame_loop.step_without_reading(frame, frame as u32);
+        let cost = thread_us() - start;
+        frame_loop.read(|_, _, _| {});
+        cost
+    };
+    (0..ride.frames.len()).map(step).collect()
+}
+
+/// Processor time of this thread, us: what others do on the machine is not in it.
+fn thread_us() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 * 1e6 + time.tv_nsec as f64 * 1e-3
+}
+
+/// How many rings of the other carbody nothing covers and light shows.
+fn count_free(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 2]>]) -> usize {
+    let (width, height) = (usize::from(ride.settings.picture.0), usize::from(ride.settings.picture.1));
+    let is_free = |at: &[f64; 2]| {
+        let [u, v] = *at;
+        let inside = u >= HALF_PX
+            && v >= HALF_PX
+            && u + HALF_PX < width as f64 - 1.0
+            && v + HALF_PX < height as f64 - 1.0;
+        if !inside || scene.is_covered(frame as u32, *at, HALF_PX) {
+            return false;
+        }
+        let (mut least, mut most) = (u8::MAX, 0);
+        for y in (v - HALF_PX) as usize..=(v + HALF_PX) as usize {
+            for x in (u - HALF_PX) as usize..=(u + HALF_PX) as usize {
+                let sample = ride.frames[frame][y * width + x];
+                (least, most) = (least.min(sample), most.max(sample));
+            }
+        }
+        most - least > CONTRAST
+    };
+    let other = centres.iter().enumerate().filter(|(circle, _)| ride.settings.own >> circle & 1 == 0);
+    other.filter_map(|(_, at)| at.as_ref()).filter(|at| is_free(at)).count()
+}
