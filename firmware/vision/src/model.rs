@@ -2,7 +2,7 @@
 
 use crate::edge::edge;
 use crate::lanes::{BLOCK, Column, Lanes, RUNS};
-use crate::patch::{Block, Patch};
+use crate::patch::Patch;
 use crate::profile::{Places, Profile, Radial};
 
 /// What the model ring looks like.
@@ -52,10 +52,6 @@ impl Model {
 
 /// What pixels say.
 struct Pixels {
-    /// Direction from the centre, and distance, px, in the circle's plane.
-    x: Column,
-    y: Column,
-    radius: Column,
     /// Value less model.
     residual: Column,
     /// How much the value changes as the outer and the inner edge move outwards, over the greatest such change.
@@ -122,31 +118,32 @@ impl Kernel {
         }
     }
 
-    /// Where a pixel is in the circle's plane from the centre, and its distance and the inverse of that.
-    #[inline(always)]
-    fn locate(&self, column: u8, row: u8) -> ([f32; 2], f32, f32) {
-        let (du, dv) = (f32::from(column) - self.centre[0], f32::from(row) - self.centre[1]);
-        let (x, y) = (self.root[0] * du + self.root[1] * dv, self.root[1] * du + self.root[2] * dv);
-        let square = x * x + y * y;
-        let per_radius = inverse_sqrt(square);
-        ([x, y], square * per_radius, per_radius)
+    /// Where pixels are. Not inlined, as [`Self::compare`]: so the compiler makes one loop over whole vectors of it; and
+    /// two loops, so that a processor has several turns of either under way.
+    #[inline(never)]
+    fn place(&self, columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
+        for i in 0..BLOCK {
+            let (du, dv) = (f32::from(columns[i]) - self.centre[0], f32::from(rows[i]) - self.centre[1]);
+            let (x, y) = (self.root[0] * du + self.root[1] * dv, self.root[1] * du + self.root[2] * dv);
+            let square = x * x + y * y;
+            let per_radius = inverse_sqrt(square);
+            (places.x[i], places.y[i]) = (x * per_radius, y * per_radius);
+            places.radius[i] = square * per_radius;
+        }
     }
 
-    /// Not inlined, as [`Self::place`]: so the compiler makes one loop over whole vectors of it.
     #[inline(never)]
-    fn compare<const CLIPPED: bool>(&self, (columns, rows, values): &Block, pixels: &mut Pixels) {
+    fn compare<const CLIPPED: bool>(&self, places: &Places, values: &[u16; BLOCK], pixels: &mut Pixels) {
         for i in 0..BLOCK {
-            let ([x, y], radius, per_radius) = self.locate(columns[i], rows[i]);
-            let white = self.white + self.slope[0] * x + self.slope[1] * y;
-            let (x, y) = (x * per_radius, y * per_radius);
+            let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
             let per_width = self.per_width[0] + y * (self.per_width[1] * x + self.per_width[2] * y);
             let bias = self.bias[0] * x + self.bias[1] * y;
             let (outer, outer_sum) = edge((radius - self.outer - bias) * per_width);
             let (inner, inner_sum) = edge((radius - self.inner - self.inner_bias * bias) * per_width);
             let by_white = 1.0 - self.depth * (inner_sum - outer_sum);
+            let white = self.white + (self.slope[0] * x + self.slope[1] * y) * radius;
             let model = white * by_white;
             let counts = if !CLIPPED || model < self.saturated { 1.0 } else { 0.0 };
-            (pixels.x[i], pixels.y[i], pixels.radius[i]) = (x, y, radius);
             pixels.residual[i] = f32::from(values[i]) - model;
             pixels.outer[i] = outer * counts;
             pixels.inner[i] = inner * counts;
@@ -154,21 +151,13 @@ impl Kernel {
         }
     }
 
-    #[inline(never)]
-    fn place(&self, (columns, rows, _): &Block, places: &mut Places) {
-        for i in 0..BLOCK {
-            let ([x, y], radius, _) = self.locate(columns[i], rows[i]);
-            (places.x[i], places.y[i], places.radius[i]) = (x, y, radius);
-        }
-    }
-
     /// Adds the pixels of a patch to the profile about this centre.
     pub(crate) fn collect(&self, patch: &Patch, profile: &mut Profile) {
-        let mut places = Places { x: [0.0; BLOCK], y: [0.0; BLOCK], radius: [0.0; BLOCK] };
-        for (block, count) in patch.blocks() {
-            self.place(&block, &mut places);
+        let mut places = Places::new();
+        for ((columns, rows, values), count) in patch.blocks() {
+            self.place(columns, rows, &mut places);
             places.forget_from(count);
-            profile.add(&places, block.2);
+            profile.add(&places, values);
         }
     }
 
@@ -176,25 +165,19 @@ impl Kernel {
     /// the slope.
     pub(crate) fn fit(&self, patch: &Patch) -> [f64; SUMS] {
         let zero = [0.0; BLOCK];
-        let mut pixels = Pixels {
-            x: zero,
-            y: zero,
-            radius: zero,
-            residual: zero,
-            outer: zero,
-            inner: zero,
-            by_white: zero,
-        };
+        let mut places = Places::new();
+        let mut pixels = Pixels { residual: zero, outer: zero, inner: zero, by_white: zero };
         let (mut edges, mut slope) = ([Lanes::ZERO; EDGE_SUMS], [Lanes::ZERO; SLOPE_SUMS]);
-        for (block, count) in patch.blocks() {
+        for ((columns, rows, values), count) in patch.blocks() {
+            self.place(columns, rows, &mut places);
             if self.saturated < f32::INFINITY {
-                self.compare::<true>(&block, &mut pixels);
+                self.compare::<true>(&places, values, &mut pixels);
             } else {
-                self.compare::<false>(&block, &mut pixels);
+                self.compare::<false>(&places, values, &mut pixels);
             }
             pixels.forget_from(count);
-            add_edges(&pixels, &mut edges);
-            add_slope(&pixels, &mut slope);
+            add_edges(&places, &pixels, &mut edges);
+            add_slope(&places, &pixels, &mut slope);
         }
         let mut sums = [0.0; SUMS];
         for (sum, lanes) in sums.iter_mut().zip(edges.iter().chain(&slope)) {
@@ -206,11 +189,11 @@ impl Kernel {
 
 /// Not inlined, with a copy of the sums: so the compiler keeps them in vectors.
 #[inline(never)]
-fn add_edges(pixels: &Pixels, sums: &mut [Lanes; EDGE_SUMS]) {
+fn add_edges(places: &Places, pixels: &Pixels, sums: &mut [Lanes; EDGE_SUMS]) {
     let mut sum = *sums;
     for run in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, run);
-        let (x, y, residual) = (at(&pixels.x), at(&pixels.y), at(&pixels.residual));
+        let (x, y, residual) = (at(&places.x), at(&places.y), at(&pixels.residual));
         let (outer, inner) = (at(&pixels.outer), at(&pixels.inner));
         let (outer_residual, inner_residual) = (outer * residual, inner * residual);
         let (outer_x, outer_y) = (outer_residual * x, outer_residual * y);
@@ -232,14 +215,14 @@ fn add_edges(pixels: &Pixels, sums: &mut [Lanes; EDGE_SUMS]) {
 }
 
 #[inline(never)]
-fn add_slope(pixels: &Pixels, sums: &mut [Lanes; SLOPE_SUMS]) {
+fn add_slope(places: &Places, pixels: &Pixels, sums: &mut [Lanes; SLOPE_SUMS]) {
     let mut sum = *sums;
     for run in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, run);
-        let slope = at(&pixels.by_white) * at(&pixels.radius);
+        let slope = at(&pixels.by_white) * at(&places.radius);
         let slope_residual = slope * at(&pixels.residual);
-        sum[0] += slope_residual * at(&pixels.x);
-        sum[1] += slope_residual * at(&pixels.y);
+        sum[0] += slope_residual * at(&places.x);
+        sum[1] += slope_residual * at(&places.y);
         sum[2] += (at(&pixels.outer) - at(&pixels.inner)) * slope;
         sum[3] += slope * slope;
     }

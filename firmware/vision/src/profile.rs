@@ -129,7 +129,7 @@ pub(crate) struct Profile {
     count: [f32; RINGS],
 }
 
-/// Where the pixels of a block are in the circle's plane, and how far from the centre, px.
+/// Where the pixels of a block are in the circle's plane: direction from the centre, and distance, px.
 pub(crate) struct Places {
     pub(crate) x: Column,
     pub(crate) y: Column,
@@ -137,6 +137,11 @@ pub(crate) struct Places {
 }
 
 impl Places {
+    pub(crate) fn new() -> Self {
+        let zero = [0.0; BLOCK];
+        Self { x: zero, y: zero, radius: zero }
+    }
+
     /// Takes pixels from number `count` on out of every profile.
     pub(crate) fn forget_from(&mut self, count: usize) {
         self.radius.get_mut(count..).unwrap_or_default().fill(FARTHEST_PX);
