@@ -46,7 +46,8 @@ const AUTOMATIC: [(u32, i64); 6] = [
 /// The unit of `EXPOSURE_ABSOLUTE`, us.
 const EXPOSURE_UNIT_US: f64 = 100.0;
 
-/// Writes what the setup says and reads it back. Gives the exposure, ns, 0 where the device does not tell it.
+/// Writes what the setup says and reads it back. Gives the exposure, ns, 0 where nobody tells it: a device without a
+/// control for it is taken to expose as the setup says.
 ///
 /// # Errors
 /// One sentence with the control's name and range.
@@ -57,7 +58,7 @@ pub(crate) fn apply(device: &impl Controls, wanted: &Capture, exposure_ms: f64) 
         }
     }
     let exposure = 1e3 * exposure_ms / EXPOSURE_UNIT_US;
-    if exposure_ms > 0.0 {
+    if exposure_ms > 0.0 && has_exposure(device) {
         set(device, &[EXPOSURE_ABSOLUTE], "camera.exposure_ms", exposure.max(1.0))?;
     }
     if wanted.gain >= 0.0 {
@@ -66,9 +67,16 @@ pub(crate) fn apply(device: &impl Controls, wanted: &Capture, exposure_ms: f64) 
     if wanted.focus >= 0.0 {
         set(device, &[FOCUS_ABSOLUTE], "capture.focus", wanted.focus)?;
     }
-    let is_told = device.range(EXPOSURE_ABSOLUTE).is_some();
-    let exposure = if is_told { device.get(EXPOSURE_ABSOLUTE).unwrap_or(0) } else { 0 };
+    if !has_exposure(device) {
+        return Ok((1e6 * exposure_ms) as u64);
+    }
+    let exposure = device.get(EXPOSURE_ABSOLUTE).unwrap_or(0);
     Ok(u64::try_from(exposure).unwrap_or(0) * (EXPOSURE_UNIT_US * 1e3) as u64)
+}
+
+/// Whether a device can be told an exposure.
+pub(crate) fn has_exposure(device: &impl Controls) -> bool {
+    device.range(EXPOSURE_ABSOLUTE).is_some()
 }
 
 /// Writes another exposure and gain, each to the nearest that the device takes; gives what it then has, `None` where it
@@ -185,6 +193,11 @@ mod tests {
             "the camera has no control for capture.focus; leave that key out of the setup"
         );
         assert_eq!(apply(&Fake::with(&[]), &Capture::default(), 0.0), Ok(0));
+    }
+
+    #[test]
+    fn a_camera_that_cannot_be_told_an_exposure_has_that_of_the_setup() {
+        assert_eq!(apply(&Fake::with(&[]), &Capture::default(), 4.0), Ok(4_000_000));
     }
 
     #[test]

@@ -158,6 +158,9 @@ impl Source for V4l2 {
         }
         let exposure_ns = controls::apply(&Driver(&device), &self.capture, self.camera.exposure_ms)
             .map_err(|why| OpenError::unfit(format!("{name}: {why}")))?;
+        if self.camera.exposure_ms > 0.0 && !controls::has_exposure(&Driver(&device)) {
+            self.notices.mark("the camera cannot be told its exposure: the setup's is taken");
+        }
         let lines = f64::from(self.size.1) - 1.0;
         let readout_ns = (lines * self.camera.line_time_us.abs() * 1e3).round() as u64;
         let row = format.layout.row_bytes(self.size.0).unwrap_or(usize::from(self.size.0));
