@@ -51,7 +51,9 @@ impl Lamps {
         let gap = Gap::of(settings);
         let at = gap.next(frame_time_ns, clock.now_ns());
         clock.wait_until_ns(at);
-        if gap.next(frame_time_ns, at.max(clock.now_ns())) != at.max(clock.now_ns()) {
+        // Read once: a clock goes on.
+        let now_ns = at.max(clock.now_ns());
+        if gap.next(frame_time_ns, now_ns) != now_ns {
             // Woken too late for this gap; the next frame has another.
             return;
         }
