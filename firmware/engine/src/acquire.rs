@@ -93,8 +93,8 @@ impl Acquirer {
         self.is_expected = true;
     }
 
-    /// One slice of the search, in this picture, beside `windows`. What shows where the other carbody's circles are is left out: `others`
-    /// are their windows.
+    /// One slice of the search, in this picture, beside `windows`. What shows where the other carbody's circles are is
+    /// left out: `others` are their windows.
     pub(crate) fn slice(
         &mut self,
         frame: &Frame<'_>,

@@ -113,8 +113,8 @@ impl Engine {
     /// looked for.
     ///
     /// # Errors
-    /// For either carbody: the seeds do not determine a pose: too few, on one line, or not where these targets can be seen. There are none
-    /// and no target has enough circles to be known by them.
+    /// For either carbody: the seeds do not determine a pose (too few, on one line, or not where these targets can be
+    /// seen), or there are none and no target has enough circles to be known by them.
     pub fn new(settings: Settings, identity: Identity) -> Result<Self, PoseError> {
         let own = if settings.own == 0 { None } else { Some(Own::new(&settings)?) };
         Ok(Self {

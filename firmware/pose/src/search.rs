@@ -1,5 +1,6 @@
-//! The search where circles hide each other: poses from three circles (Fischler and Bolles 1981), each brought to the circles that fit it best (Rousseeuw and Van Driessen 2006, least trimmed squares with
-//! concentration steps). Deterministic.
+//! The search where circles hide each other: poses from three circles (Fischler and Bolles 1981), each brought to the
+//! circles that fit it best (Rousseeuw and Van Driessen 2006, least trimmed squares with concentration steps).
+//! Deterministic.
 
 use heapless::Vec;
 
