@@ -44,7 +44,8 @@ pub struct Limits {
 
 impl Default for Limits {
     /// Velaro D (thesis 1.2). Shocks: 5 g of either carbody (EN 61373, category 1, along the track), and as much at the ends
-    /// of two carbodies of 23 m that turn against each other. Standing: what suspensions leave (R(a) allows 10 mm).
+    /// of two carbodies of 23 m that turn against each other. Standing: couplers stop a train anywhere in their slack, so
+    /// more than half of the travel along the track.
     fn default() -> Self {
         Self {
             min_mm: [-70.0, -900.0, -350.0],
@@ -52,7 +53,7 @@ impl Default for Limits {
             max_deg: [5.0, 4.0, 15.0],
             shock_mm_s2: 1e5,
             shock_deg_s2: 500.0,
-            standing_mm: 10.0,
+            standing_mm: 40.0,
             standing_deg: 0.2,
         }
     }
