@@ -9,10 +9,12 @@ use crate::linear::Basis;
 use crate::problem::{Problem, Row};
 use crate::refine::{Fit, refine};
 use crate::robust::{Consensus, freedom};
-use crate::{MAX_CIRCLES, Solution, scatter};
+use crate::{MAX_CIRCLES, Solution, doubt, scatter, valley};
 
 /// Rotations that differ by less than this (radians) are the same pose.
 const SAME_ROTATION: f64 = 1e-3;
+/// Standard deviations within which two poses of a plane are beside each other.
+const BESIDE: f64 = 12.0;
 /// Evidence that settles which of two poses is right: odds of e^12.5, one error in 270,000.
 pub const DECISIVE: f64 = 25.0;
 
@@ -62,18 +64,34 @@ pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -
     };
     let residual_px =
         if fit.pose == found.fit.pose { libm::sqrt(found.px2 / circles) } else { residual(&fit.pose) };
+    let covariance = |fit: &Fit, other: Option<&Fit>| {
+        let excess = scatter::excess(fit.chi2, freedom);
+        if is_plane(problem, found.used) && other.is_none_or(|other| is_beside(fit, other, excess)) {
+            valley::covariance(problem, found.used, fit, excess)
+        } else {
+            fit.covariance * excess
+        }
+    };
     let alternative = other.map(|o| Alternative {
         pose: o.pose,
-        covariance: o.covariance * scatter::excess(o.chi2, freedom),
+        covariance: covariance(&o, Some(&fit)),
         residual_px: residual(&o.pose),
         ratio: libm::sqrt(o.chi2 / fit.chi2.max(1e-300)),
         evidence: evidence(fit.chi2, o.chi2, freedom),
     });
-    let covariance = match scatter::excess(fit.chi2, freedom) {
-        1.0 => fit.covariance,
-        excess => fit.covariance * excess,
-    };
+    let mut covariance = covariance(&fit, other.as_ref());
+    if found.used == problem.all() {
+        covariance += doubt::of_one_circle(problem, &fit);
+    }
     Solution { pose: fit.pose, covariance, residual_px, used: found.used, alternative }
+}
+
+/// Whether a plane's other pose is so near, in standard deviations of the turn, that the sum of squares around one of
+/// them knows of the other.
+fn is_beside(fit: &Fit, other: &Fit, scale: f64) -> bool {
+    let turn = rotation_vector(&(fit.pose.rotation * other.pose.rotation.transpose()));
+    let turns = fit.covariance.fixed_view::<3, 3>(3, 3) * scale;
+    turns.cholesky().is_none_or(|c| turn.dot(&c.solve(&turn)) < BESIDE * BESIDE)
 }
 
 /// The mirrored pose, refined, or what the search found beside; `None` where both starts lead to one pose.
@@ -84,6 +102,11 @@ fn second(problem: &Problem, found: &Consensus) -> Option<Fit> {
     }
     let fit = refine(problem, found.used, &mirrored(&basis, &found.fit.pose)).ok()?;
     (!is_same(&fit.pose, &found.fit.pose)).then_some(fit)
+}
+
+/// Whether the circles used are in one plane.
+fn is_plane(problem: &Problem, used: u64) -> bool {
+    basis_of(problem, used).is_some_and(|basis| basis.is_planar())
 }
 
 /// The shape of the circles used: without those left out a set may be a plane.

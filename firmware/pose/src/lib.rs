@@ -19,6 +19,7 @@ mod ambiguity;
 mod assign;
 mod circle;
 mod dlt;
+mod doubt;
 mod eigen;
 mod epnp;
 mod error;
@@ -41,6 +42,7 @@ mod settings;
 mod shutter;
 mod sighting;
 mod solve;
+mod valley;
 mod variance;
 
 pub use ambiguity::{Alternative, DECISIVE};

@@ -72,7 +72,7 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
 }
 
 /// The normal equations at a pose; `None` where a circle is out of the camera's sight.
-fn linearise(problem: &Problem, mask: u64, pose: &Pose) -> Option<Normal> {
+pub(crate) fn linearise(problem: &Problem, mask: u64, pose: &Pose) -> Option<Normal> {
     let mut normal = Normal::zero();
     for (_, row) in problem.masked(mask) {
         let Derivative { a, b, eu, ev } = derivative(problem, row, pose)?;

@@ -12,7 +12,7 @@ use crate::refine::{Derivative, Fit, derivative, refine};
 use crate::scatter::is_significant;
 
 /// Below this count each circle left out must be the only choice.
-const SMALL: usize = 10;
+pub(crate) const SMALL: usize = 10;
 /// A second choice of circles counts as a rival when its sum of squares is within this much of the best one's
 /// (the 99 % point of six degrees of freedom, and more).
 const RIVAL: f64 = 20.0;

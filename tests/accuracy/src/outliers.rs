@@ -167,6 +167,8 @@ pub fn table(seeds: u64) -> Table {
             "start",
             "refused %",
             "beyond %",
+            "of these marked %",
+            "not decidable %",
             "not named %",
             "right left out %",
             "mean error",

@@ -55,6 +55,33 @@ fn one_wrong_circle_of_seven_and_more_is_taken_out() {
 }
 
 #[test]
+fn one_wrong_circle_of_five_or_six_is_out_or_covered_wherever_the_picture_tells() {
+    for kind in [Kind::General, Kind::Planar] {
+        for wrong in Wrong::ALL {
+            for circles in [5, 6] {
+                let case = format!("{circles} circles, {kind:?}, {wrong:?}");
+                let outcomes = [false, true].map(|warm| outliers::run(kind, circles, wrong, warm, 7, 300));
+                // Of four circles left in a plane the profile of the tilt is a bent valley: one in a thousand.
+                assert!(sum(&outcomes, |o| o.beyond - o.marked - o.undecidable) <= 1, "{case}: {outcomes:?}");
+                // A set-back circle 2 px off is another pose's right one: 3.4 % at five.
+                assert!(sum(&outcomes, |o| o.undecidable) <= 36, "{case}: {outcomes:?}");
+                assert!(sum(&outcomes, |o| o.refused) <= 48, "{case}: {outcomes:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_plane_that_merges_with_its_mirror_image_is_as_uncertain_as_it_says() {
+    // At 0.05 and 0.1 px one 7-CCC at 4.5 m and 1 degree has one pose in many frames, and no second to be marked by.
+    // A rest pose of ten such pictures shares their error and is surer than they are: up to 0.5 %, linearised 2 to 4 %.
+    for sigma_px in [0.02, 0.05, 0.1] {
+        let outcome = plane::run(sigma_px, 1.0, 5, 1500);
+        assert!(outcome.beyond <= 8, "{sigma_px} px: {outcome:?}");
+    }
+}
+
+#[test]
 fn the_error_is_within_1_2_times_its_bound_and_its_covariance_is_true() {
     for (kind, circles) in [
         (Kind::General, 4),

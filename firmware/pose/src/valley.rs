@@ -1,0 +1,103 @@
+//! The uncertainty of a plane near its frontal view. Its tilt then shows by its square: the weighted sum of squares is
+//! no bowl but a bent valley that holds both mirror images, and what is linearised at its lowest point is far too sure
+//! of the tilt and of all that follows from it. So the valley is walked along as a profile of the likelihood (Bates and
+//! Watts 1988, 6.1): to either side to where the sum has risen by nine, three standard deviations.
+
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+use crate::eigen;
+use crate::geometry::Pose;
+use crate::problem::Problem;
+use crate::refine::{Fit, linearise};
+use crate::rest::difference;
+
+/// Standard deviations that are walked to either side.
+const SIGMAS: f64 = 3.0;
+/// Doublings of the way while the sum of squares has not risen enough: to 96 linear standard deviations.
+const DOUBLINGS: usize = 5;
+/// No further than this, radians: what is less certain is uncertain enough.
+const FURTHEST: f64 = 0.5;
+/// Steps that bring a place beside the valley down to its floor.
+const DESCENTS: usize = 4;
+
+/// The covariance of a fit, as wide as the profiles of its two least certain turns, a plane's tilts. `scale` is the
+/// factor by which the circles scatter more than their covariances say; it is in what is returned.
+pub(crate) fn covariance(problem: &Problem, used: u64, fit: &Fit, scale: f64) -> Matrix6<f64> {
+    let linear = fit.covariance * scale;
+    let turns = linear.fixed_view::<3, 3>(3, 3).into_owned();
+    let (variances, axes) = eigen::symmetric::<3>(turns.into());
+    let mut wider = linear;
+    for (variance, axis) in variances.into_iter().zip(axes).skip(1) {
+        let axis = Vector3::from(axis);
+        let along = linear.fixed_columns::<3>(3) * axis / libm::sqrt(variance);
+        let valley = Valley { problem, used, fit, axis, along };
+        // What is not positive definite stays as it is.
+        wider += valley.bend(scale).unwrap_or_default();
+    }
+    wider
+}
+
+struct Valley<'a> {
+    problem: &'a Problem<'a>,
+    used: u64,
+    fit: &'a Fit,
+    /// The axis of a turn.
+    axis: Vector3<f64>,
+    /// One standard deviation of that turn, with all that moves along: (v, w).
+    along: Vector6<f64>,
+}
+
+impl Valley<'_> {
+    /// What the variance along the valley has more than that along its straight line.
+    fn bend(&self, scale: f64) -> Option<Matrix6<f64>> {
+        let enough = SIGMAS * SIGMAS * scale;
+        let (left, right) = (self.end(-1.0, enough)?, self.end(1.0, enough)?);
+        let bent = (left * left.transpose() + right * right.transpose()) / (2.0 * SIGMAS * SIGMAS);
+        Some(bent - self.along * self.along.transpose())
+    }
+
+    /// The way along the valley, (v, w), to where the sum of squares has risen enough on one side, and never less than
+    /// the linear one.
+    fn end(&self, side: f64, enough: f64) -> Option<Vector6<f64>> {
+        let sigma = self.along.fixed_rows::<3>(3).norm();
+        let (mut shorter, mut rise_before) = (0.0, 0.0);
+        let mut way = SIGMAS;
+        let (mut end, mut rise) = self.floor(side * way)?;
+        for _ in 0..DOUBLINGS {
+            if rise >= enough || way * sigma > FURTHEST {
+                break;
+            }
+            (shorter, rise_before) = (way, rise);
+            way *= 2.0;
+            (end, rise) = self.floor(side * way)?;
+        }
+        if rise > enough && shorter > 0.0 {
+            // The root of the sum rises about evenly.
+            let root = |rise: f64| libm::sqrt(rise.max(0.0));
+            let share = (root(enough) - root(rise_before)) / (root(rise) - root(rise_before));
+            (end, _) = self.floor(side * (shorter + share * (way - shorter)))?;
+        }
+        Some(difference(&end, &self.fit.pose))
+    }
+
+    /// The lowest pose with the turn at so many standard deviations, and by how much the sum of squares is higher.
+    fn floor(&self, sigmas: f64) -> Option<(Pose, f64)> {
+        let mut pose = moved(&self.fit.pose, &(self.along * sigmas));
+        for _ in 0..DESCENTS {
+            let here = linearise(self.problem, self.used, &pose)?;
+            let factor = here.factor(0.0)?;
+            let step = Vector6::from(factor.solve(&here.g));
+            // All that the step says but the turn about the axis, which stays.
+            let with_turn = factor.inverse().fixed_columns::<3>(3) * self.axis;
+            let turn = |step: &Vector6<f64>| step.fixed_rows::<3>(3).dot(&self.axis);
+            pose = moved(&pose, &(step - with_turn * (turn(&step) / turn(&with_turn))));
+        }
+        let rise = linearise(self.problem, self.used, &pose)?.chi2 - self.fit.chi2;
+        Some((pose.orthonormalised(), rise))
+    }
+}
+
+fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
+    let [vx, vy, vz, wx, wy, wz] = (*step).into();
+    pose.perturbed([vx, vy, vz], [wx, wy, wz])
+}
