@@ -28,8 +28,11 @@ const MARGIN: f64 = 4.0;
 /// White to which the profile is fitted, px: dark beyond the margin is blurred less far in.
 const FITTED: f64 = 2.5;
 
-/// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer white.
+/// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer white. Of
+/// a ring larger than this radius, px, less is borne with: perspective moves the white's border with its square, and
+/// what leaks in on one side only moves the centre.
 const NO_LONGER_WHITE: f64 = 0.02;
+const LEAKS_FROM_PX: f64 = 12.0;
 
 /// Rows through a ring that make its profile; of a small ring it is every second one.
 const PROFILE_ROWS: f64 = 8.0;
@@ -53,8 +56,10 @@ const BELT: f64 = 0.75;
 /// What is taken beside that, px: so far the centre may still move.
 const SLACK_PX: f64 = 0.1;
 
-/// A step of the centre below this, px, is the last: what the profile's errors make of it is a twentieth or less.
+/// A step of the centre below this, px, and below so many standard deviations, is the last: what the profile's errors
+/// leave of it is a twentieth, of small rings with much blur a fifth.
 const SMALL_STEP_PX: f64 = 0.05;
+const SMALL_STEP_SIGMAS: f64 = 5.0;
 
 /// Most passes over all rows, and largest step of the last one, px: beyond it they did not converge.
 const PASSES: usize = 3;
@@ -206,7 +211,8 @@ fn start(
     }
     model.radial =
         profile.fit(&model.radial, model.radial.outer + FITTED, cell_saturated).ok_or(Refusal::Outline)?;
-    let white_end = profile.end_at_dark(&model.radial, NO_LONGER_WHITE);
+    let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
+    let white_end = profile.end_at_dark(&model.radial, borne);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
     let lean = profile.lean(&model.radial, white_from, cell_saturated);
     // Written so that a NaN is refused too.
@@ -260,7 +266,8 @@ impl Fit {
 fn converge(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
     let mut fit = pass(patch, model, start)?;
     for _ in 1..PASSES {
-        if libm::hypot(fit.step[0], fit.step[1]) < SMALL_STEP_PX {
+        let small = SMALL_STEP_PX.min(SMALL_STEP_SIGMAS * libm::sqrt(fit.square));
+        if libm::hypot(fit.step[0], fit.step[1]) < small {
             break;
         }
         fit = pass(patch, model, start)?;

@@ -83,7 +83,9 @@ pub fn cases() -> Vec<(String, Conditions)> {
         cases.push((format!("white {white} of full scale"), Conditions { white, ..usual }));
     }
     cases.push(("white for 12 px around".to_owned(), Conditions { margin_px: 12.0, ..usual }));
-    for (diameter_px, blur_px) in [(12.0, 0.4), (12.0, 1.5), (60.0, 0.4), (60.0, 1.5)] {
+    for (diameter_px, blur_px) in
+        [(12.0, 0.4), (12.0, 1.0), (12.0, 1.5), (60.0, 0.4), (60.0, 0.7), (60.0, 1.5)]
+    {
         let conditions = Conditions { diameter_px, blur_px, angle_deg: 35.0, uneven: 0.3, ..usual };
         cases.push((format!("{diameter_px} px, blur {blur_px} px, 35 degrees, 30 %"), conditions));
     }

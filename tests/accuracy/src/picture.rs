@@ -39,7 +39,7 @@ pub struct Conditions {
     pub bits: u8,
     /// Level of the white, share of full scale; above 1 it is clipped.
     pub white: f64,
-    /// White around the ring, px; beyond it all is dark.
+    /// White around the ring, px where the tilt leaves least of it; beyond it all is dark.
     pub margin_px: f64,
 }
 
@@ -86,7 +86,7 @@ struct Change {
 impl Scene {
     /// A ring at a random place between the pixels, tilted about a random axis, off the camera's axis.
     pub fn new(conditions: Conditions, random: &mut Random) -> Self {
-        let reach = 0.5 * conditions.diameter_px * 1.1 + conditions.margin_px + 6.0;
+        let reach = 0.5 * conditions.diameter_px * 1.1 + 1.25 * conditions.margin_px + 6.0;
         let size = 2 * (1.3 * reach).ceil() as usize + 9;
         let middle = 0.5 * (size - 1) as f64;
         let distance = FOCAL_PX * OUTER_MM / conditions.diameter_px;
@@ -141,7 +141,8 @@ impl Scene {
         let step = 1.0 / FINE as f64;
         let black = 0.12 / 0.8;
         let mm_per_px = OUTER_MM / diameter_px;
-        let radii = [0.5 * OUTER_MM + margin_px * mm_per_px, 0.5 * OUTER_MM, 0.5 * OUTER_MM / RATIO];
+        let margin_mm = margin_px * mm_per_px / self.conditions.angle_deg.to_radians().cos();
+        let radii = [0.5 * OUTER_MM + margin_mm, 0.5 * OUTER_MM, 0.5 * OUTER_MM / RATIO];
         let mut parts = vec![0.0; fine * fine];
         for (row, line) in parts.chunks_exact_mut(fine).enumerate() {
             for (column, part) in line.iter_mut().enumerate() {
@@ -255,7 +256,9 @@ impl Scene {
         let [u, v] = [0, 1].map(|i| at[i] - projected.centre[i] - change.at[i]);
         let radius = ((vv * u * u - 2.0 * uv * u * v + uu * v * v) / root).sqrt();
         let outer = 2.0 * root.sqrt();
-        if radius > outer + self.conditions.margin_px - 2.0 * self.conditions.blur_px {
+        // In the circle's plane the tilt stretches what is across it.
+        let stretch = self.conditions.angle_deg.to_radians().cos().sqrt().recip();
+        if radius > outer + stretch * (self.conditions.margin_px - 2.0 * self.conditions.blur_px) {
             return None;
         }
         let blur = (self.conditions.blur_px.powi(2) + 1.0 / 12.0).sqrt() + change.blur;

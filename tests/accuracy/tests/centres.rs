@@ -10,16 +10,16 @@ const MOST_BIAS_PX: f64 = 0.003;
 const TRUE_SQUARED: f64 = 2.0;
 const MOST_OFF_SQUARED: f64 = 0.15;
 
-/// Eight rings of 25 exposures: a root mean square of 400 numbers scatters by 3.5 %.
+/// Eight rings of 50 exposures: the root mean square of each scatters by 7 %, the median of all by 3 %.
 fn outcomes(conditions: Conditions) -> Vec<Outcome> {
-    (0..8).map(|seed| run(conditions, seed, 25)).collect()
+    (0..8).map(|seed| run(conditions, seed, 50)).collect()
 }
 
 /// Checks error and bias and gives the mean normalised squared error.
 fn check(name: &str, conditions: Conditions) -> f64 {
     let outcomes = outcomes(conditions);
     let refused: u32 = outcomes.iter().map(|o| o.refused).sum();
-    assert!(refused <= 2, "{name}: {refused} of 200 refused");
+    assert!(refused <= 4, "{name}: {refused} of 400 refused");
     let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
     assert!(over_bound < MOST_OVER_BOUND, "{name}: {over_bound}");
     let [u, v] = [0, 1].map(|axis| mean(&outcomes.iter().map(|o| o.bias_px[axis]).collect::<Vec<_>>()));
@@ -42,7 +42,18 @@ fn centres_are_within_a_quarter_of_what_their_pixels_can_tell_and_state_it() {
     squared.push(check("clipped", Conditions { white: 1.2, ..usual }));
     squared.push(check("depth", Conditions { bits: 12, ..usual }));
     squared.push(check("wide margin", Conditions { margin_px: 12.0, ..usual }));
-    // Of 2,600 exposures: chance makes 2 %.
+    // Of 5,200 exposures: chance makes 1.4 %.
     let squared = mean(&squared);
     assert!((squared / TRUE_SQUARED - 1.0).abs() < MOST_OFF_SQUARED, "{squared}");
+}
+
+#[test]
+fn what_is_hard_may_come_together() {
+    // 12 px with a blur of 0.4 px and 60 px with the same are within 1.4, see the table; 12 px with a blur of 1.5 px, an
+    // inner disc of five pixels, is often refused.
+    for (diameter_px, blur_px) in [(12.0, 1.0), (24.0, 1.5), (60.0, 0.7), (60.0, 1.5)] {
+        let conditions =
+            Conditions { diameter_px, blur_px, angle_deg: 35.0, uneven: 0.3, ..Conditions::default() };
+        check(&format!("{diameter_px} px, blur {blur_px} px"), conditions);
+    }
 }
