@@ -15,7 +15,7 @@ use crate::edge::{FOURTH, SQUARE};
 use crate::light::Light;
 use crate::loader::{Rect, full_scale};
 use crate::model::{Kernel, Model};
-use crate::patch::{Belts, Patch};
+use crate::patch::{Belt, Part, Patch};
 use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings};
 
@@ -105,15 +105,8 @@ pub(crate) fn measure(
         return Err(Refusal::LowContrast);
     }
 
-    let width = BELT * radial.half_width() + SLACK_PX;
-    let belts = Belts {
-        from: (radial.inner - width).max(0.0),
-        to: radial.inner + width,
-        again: radial.outer - width,
-        end: (radial.outer + width).min(start.white_end),
-    };
-    workspace.patch.take(frame, rect, model.centre, model.shape, &belts, 1);
-    let fit = converge(&workspace.patch, &mut model, &start)?;
+    let belts = take_belts(frame, &mut workspace.patch, rect, &model, start.white_end);
+    let fit = converge(&workspace.patch, &belts, &mut model, &start)?;
     fit.check(radial.contrast)?;
     let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
     let is_light = tilt * radial.outer <= MAX_TILT * radial.white;
@@ -193,9 +186,10 @@ fn start(
     let Workspace { patch, profile } = workspace;
     let end = model.radial.outer + MARGIN;
     let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(2);
-    patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), every);
+    patch.clear(rect);
+    let rows = patch.take(frame, model.centre, model.shape, &Belt::whole(end), every);
     profile.clear(end);
-    Kernel::new(model, patch.origin(), f64::INFINITY).collect(patch, profile);
+    Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, rows, profile);
     profile.close();
     let (black, white) = profile.extremes(model.radial.outer + FITTED).ok_or(Refusal::Outline)?;
     (model.radial.white, model.radial.contrast) = (white, white - black);
@@ -226,6 +220,26 @@ fn start(
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     model.slope = lean.white_slope;
     Ok(Start { lean, white_end, saturated })
+}
+
+/// The pixels near the outer and near the inner edge.
+struct Belts {
+    parts: [Part; 2],
+    /// Whether the pixels of either see the other edge as well.
+    overlap: bool,
+}
+
+/// Takes the pixels near either edge, up to `white_end` px from the centre.
+fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white_end: f64) -> Belts {
+    let radial = &model.radial;
+    let width = BELT * radial.half_width() + SLACK_PX;
+    // A pixel half way belongs to one of them.
+    let middle = 0.5 * (radial.outer + radial.inner);
+    let outer = Belt { from: (radial.outer - width).max(middle), to: (radial.outer + width).min(white_end) };
+    let inner = Belt { from: (radial.inner - width).max(0.0), to: (radial.inner + width).min(middle) };
+    patch.clear(rect);
+    let parts = [outer, inner].map(|belt| patch.take(frame, model.centre, model.shape, &belt, 1));
+    Belts { parts, overlap: radial.outer - radial.inner < radial.half_width() + width }
 }
 
 /// What the last pass found.
@@ -263,37 +277,24 @@ impl Fit {
 }
 
 /// Passes over all rows until the centre stays.
-fn converge(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
-    let mut fit = pass(patch, model, start)?;
+fn converge(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
+    let mut fit = pass(patch, belts, model, start)?;
     for _ in 1..PASSES {
         let small = SMALL_STEP_PX.min(SMALL_STEP_SIGMAS * libm::sqrt(fit.square));
         if libm::hypot(fit.step[0], fit.step[1]) < small {
             break;
         }
-        fit = pass(patch, model, start)?;
+        fit = pass(patch, belts, model, start)?;
     }
     Ok(fit)
 }
 
 /// One pass: corrects centre and slope.
-fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
+fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
     let lean = &start.lean;
-    let [
-        outer_x,
-        outer_y,
-        inner_x,
-        inner_y,
-        square,
-        noise,
-        cosine,
-        sine,
-        outer_even,
-        inner_even,
-        slope_x,
-        slope_y,
-        cross,
-        slope_square,
-    ] = Kernel::new(model, patch.origin(), start.saturated).fit(patch);
+    let kernel = Kernel::new(model, patch.origin(), start.saturated, belts.overlap);
+    let [outer, inner] = kernel.fit(patch, belts.parts);
+    let (square, noise) = (outer.square + inner.square, outer.noise + inner.noise);
     if square < 1.0 {
         return Err(Refusal::Outline);
     }
@@ -303,31 +304,32 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
     let per_px = radial.peak();
     let scale = 2.0 / (square * per_px);
     // The slope is told by these pixels and by the white beyond them.
-    let (information, cross) = (0.5 * square * per_px * per_px, -0.5 * cross * per_px);
-    let slope_information = 0.5 * slope_square + lean.white_information;
+    let (information, cross) = (0.5 * square * per_px * per_px, 0.5 * (inner.cross - outer.cross) * per_px);
+    let slope_information = 0.5 * (outer.slope_square + inner.slope_square) + lean.white_information;
     let determinant = information * slope_information - cross * cross;
     let is_determined = determinant > 0.0;
     if !is_determined {
         return Err(Refusal::Outline);
     }
-    let side = [(inner_x - outer_x) * per_px, (inner_y - outer_y) * per_px];
-    let slope_side = [slope_x, slope_y];
-    let slope_side =
-        [0, 1].map(|i| slope_side[i] + lean.white_information * (lean.white_slope[i] - model.slope[i]));
+    let side = [0, 1].map(|i| (inner.side[i] - outer.side[i]) * per_px);
+    let slope_side = [0, 1].map(|i| {
+        let beyond = lean.white_information * (lean.white_slope[i] - model.slope[i]);
+        outer.slope_side[i] + inner.slope_side[i] + beyond
+    });
     let step = [0, 1].map(|i| (slope_information * side[i] - cross * slope_side[i]) / determinant);
     let slope = [0, 1].map(|i| (information * slope_side[i] - cross * side[i]) / determinant);
     let moved = per_px * per_px * (step[0] * step[0] + step[1] * step[1]);
     let step = model.out_of_circle(step);
     let share = radial.outer_share();
-    let outer = model.out_of_circle([-outer_x * scale / share, -outer_y * scale / share]);
+    let outer_at = model.out_of_circle(outer.side.map(|side| -side * scale / share));
     // A disc has no inner edge, and its share is none.
     let other = (1.0 - share).max(f64::MIN_POSITIVE);
-    let inner = model.out_of_circle([inner_x * scale / other, inner_y * scale / other]);
+    let inner_at = model.out_of_circle(inner.side.map(|side| side * scale / other));
     // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black. The
     // fit follows the noise of two in as many pixels as carry the information.
     let carrying = radial.edges_px() * radial.half_width() * (SQUARE * SQUARE / FOURTH);
     // The step takes a part of the residuals away; what is even about the centre is the radii's error and no noise.
-    let even = outer_even * outer_even / share + inner_even * inner_even / other;
+    let even = outer.even * outer.even / share + inner.even * inner.even / other;
     let taken = 0.5 * moved + even / (square * square);
     let residual = (noise / square - taken * (FOURTH / SQUARE)).max(0.0) / (1.0 - 4.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
@@ -344,9 +346,12 @@ fn pass(patch: &Patch, model: &mut Model, start: &Start) -> Result<Fit, Refusal>
         variance,
         residual,
         apart: [
-            libm::hypot(outer[0] - inner[0], outer[1] - inner[1]),
+            libm::hypot(outer_at[0] - inner_at[0], outer_at[1] - inner_at[1]),
             sigma / libm::sqrt(share * (1.0 - share)),
         ],
-        third: [libm::hypot(cosine, sine) * libm::fabs(scale) / share, sigma / libm::sqrt(share)],
+        third: [
+            libm::hypot(outer.third[0], outer.third[1]) * libm::fabs(scale) / share,
+            sigma / libm::sqrt(share),
+        ],
     })
 }

@@ -2,7 +2,7 @@
 
 use crate::edge::edge;
 use crate::lanes::{BLOCK, Column, Lanes, RUNS};
-use crate::patch::Patch;
+use crate::patch::{Part, Patch};
 use crate::profile::{Places, Profile, Radial};
 
 /// What the model ring looks like.
@@ -50,13 +50,12 @@ impl Model {
     }
 }
 
-/// What pixels say.
+/// What pixels near an edge say.
 struct Pixels {
     /// Value less model.
     residual: Column,
-    /// How much the value changes as the outer and the inner edge move outwards, over the greatest such change.
-    outer: Column,
-    inner: Column,
+    /// How much the value changes as the edge moves outwards, over the greatest such change.
+    steep: Column,
     /// How much it grows with the white.
     by_white: Column,
 }
@@ -64,10 +63,19 @@ struct Pixels {
 impl Pixels {
     /// Makes pixels from number `count` on say nothing.
     fn forget_from(&mut self, count: usize) {
-        for column in [&mut self.outer, &mut self.inner, &mut self.by_white] {
+        for column in [&mut self.steep, &mut self.by_white] {
             column.get_mut(count..).unwrap_or_default().fill(0.0);
         }
     }
+}
+
+/// One of a ring's edges.
+#[derive(Clone, Copy)]
+struct Edge {
+    radius: f32,
+    bias: [f32; 2],
+    /// How much brighter it is outside than inside, share of white.
+    rise: f32,
 }
 
 /// A model ring made ready for the pixels of a patch: single numbers that loops over a block take as they are.
@@ -75,12 +83,11 @@ pub(crate) struct Kernel {
     /// The centre from the patch's corner.
     centre: [f32; 2],
     root: [f32; 3],
-    outer: f32,
-    inner: f32,
+    edges: [Edge; 2],
+    /// Whether pixels of one edge's belt see the other one.
+    overlap: bool,
     white: f32,
     slope: [f32; 2],
-    bias: [f32; 2],
-    inner_bias: f32,
     /// White less black, share of white.
     depth: f32,
     /// Where the model is above this the sensor is saturated; infinite where that is nowhere.
@@ -90,29 +97,49 @@ pub(crate) struct Kernel {
     per_width: [f32; 3],
 }
 
-/// Sums of the fit: of the edges, then of the slope.
-const EDGE_SUMS: usize = 10;
-const SLOPE_SUMS: usize = 4;
-pub(crate) const SUMS: usize = EDGE_SUMS + SLOPE_SUMS;
+/// Sums over the pixels of an edge's belt, with its steepness s, residual r, direction (x, y) and light w, which is what the
+/// white adds with its slope: s r x, s r y, s r, s s, s r s r, s r x y y, s r y y y, w r x, w r y, s w, w w.
+const SUMS: usize = 11;
+
+/// What a belt says of its edge and of the slope.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeSums {
+    /// First harmonic of steepness times residual, and its mean.
+    pub(crate) side: [f64; 2],
+    pub(crate) even: f64,
+    /// Squares of the steepness, and of it times the residual.
+    pub(crate) square: f64,
+    pub(crate) noise: f64,
+    /// Third harmonic.
+    pub(crate) third: [f64; 2],
+    /// The same of the slope as of the edge, and what both have in common.
+    pub(crate) slope_side: [f64; 2],
+    pub(crate) slope_square: f64,
+    pub(crate) cross: f64,
+}
 
 impl Kernel {
     /// For a patch from `origin`; what the model makes brighter than `saturated` says nothing.
-    pub(crate) fn new(model: &Model, origin: [f64; 2], saturated: f64) -> Self {
+    pub(crate) fn new(model: &Model, origin: [f64; 2], saturated: f64, overlap: bool) -> Self {
         let radial = &model.radial;
         // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the inverse of
         // the shape; 1 / sqrt(g) is 3/2 - g/2 about 1. The squares of a direction sum to 1.
         let [uu, uv, vv] = model.shape;
         let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
+        let depth = (radial.contrast / radial.white) as f32;
+        let edge = |radius: f64, share: f64, rise: f32| Edge {
+            radius: radius as f32,
+            bias: model.bias.map(|x| (share * x) as f32),
+            rise,
+        };
         Self {
             centre: [0, 1].map(|i| (model.centre[i] - origin[i]) as f32),
             root: model.root().map(|x| x as f32),
-            outer: radial.outer as f32,
-            inner: radial.inner as f32,
+            edges: [edge(radial.outer, 1.0, depth), edge(radial.inner, model.inner_bias, -depth)],
+            overlap,
             white: radial.white as f32,
             slope: model.slope.map(|x| x as f32),
-            bias: model.bias.map(|x| x as f32),
-            inner_bias: model.inner_bias as f32,
-            depth: (radial.contrast / radial.white) as f32,
+            depth,
             saturated: saturated as f32,
             per_width: narrow.map(|x| (x / radial.half_width()) as f32),
         }
@@ -132,99 +159,107 @@ impl Kernel {
         }
     }
 
+    /// Pixels of the belt of edge `near`, which see the other one only with `OVERLAP`.
     #[inline(never)]
-    fn compare<const CLIPPED: bool>(&self, places: &Places, values: &[u16; BLOCK], pixels: &mut Pixels) {
+    fn compare<const CLIPPED: bool, const OVERLAP: bool>(
+        &self,
+        near: usize,
+        places: &Places,
+        values: &[u16; BLOCK],
+        pixels: &mut Pixels,
+    ) {
+        let (near, far) = (self.edges[near & 1], self.edges[1 - (near & 1)]);
+        // By how much the other edge darkens the middle between the levels of this one.
+        let between = if OVERLAP { 1.0 } else { 1.0 - 0.5 * self.depth };
         for i in 0..BLOCK {
             let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
             let per_width = self.per_width[0] + y * (self.per_width[1] * x + self.per_width[2] * y);
-            let bias = self.bias[0] * x + self.bias[1] * y;
-            let (outer, outer_sum) = edge((radius - self.outer - bias) * per_width);
-            let (inner, inner_sum) = edge((radius - self.inner - self.inner_bias * bias) * per_width);
-            let by_white = 1.0 - self.depth * (inner_sum - outer_sum);
+            let from =
+                |edge: &Edge| (radius - edge.radius - (edge.bias[0] * x + edge.bias[1] * y)) * per_width;
+            let (mut steep, height) = edge(from(&near));
+            let mut by_white = between + near.rise * height;
+            if OVERLAP {
+                let (far_steep, far_height) = edge(from(&far));
+                steep -= far_steep;
+                by_white += far.rise * far_height;
+            }
             let white = self.white + (self.slope[0] * x + self.slope[1] * y) * radius;
             let model = white * by_white;
             let counts = if !CLIPPED || model < self.saturated { 1.0 } else { 0.0 };
             pixels.residual[i] = f32::from(values[i]) - model;
-            pixels.outer[i] = outer * counts;
-            pixels.inner[i] = inner * counts;
+            pixels.steep[i] = steep * counts;
             pixels.by_white[i] = by_white * counts;
         }
     }
 
-    /// Adds the pixels of a patch to the profile about this centre.
-    pub(crate) fn collect(&self, patch: &Patch, profile: &mut Profile) {
+    /// Adds pixels to the profile about this centre.
+    pub(crate) fn collect(&self, patch: &Patch, part: Part, profile: &mut Profile) {
         let mut places = Places::new();
-        for ((columns, rows, values), count) in patch.blocks() {
+        for ((columns, rows, values), count) in patch.blocks(part) {
             self.place(columns, rows, &mut places);
             places.forget_from(count);
             profile.add(&places, values);
         }
     }
 
-    /// Sums over the pixels of a patch for the centre by either edge, the noise, the outer edge's third harmonic and
-    /// the slope.
-    pub(crate) fn fit(&self, patch: &Patch) -> [f64; SUMS] {
+    /// What the belts of the outer and of the inner edge say.
+    pub(crate) fn fit(&self, patch: &Patch, belts: [Part; 2]) -> [EdgeSums; 2] {
+        [0, 1].map(|i| self.fit_edge(patch, belts[i], i))
+    }
+
+    fn fit_edge(&self, patch: &Patch, belt: Part, edge: usize) -> EdgeSums {
         let zero = [0.0; BLOCK];
         let mut places = Places::new();
-        let mut pixels = Pixels { residual: zero, outer: zero, inner: zero, by_white: zero };
-        let (mut edges, mut slope) = ([Lanes::ZERO; EDGE_SUMS], [Lanes::ZERO; SLOPE_SUMS]);
-        for ((columns, rows, values), count) in patch.blocks() {
+        let mut pixels = Pixels { residual: zero, steep: zero, by_white: zero };
+        let mut sums = [Lanes::ZERO; SUMS];
+        for ((columns, rows, values), count) in patch.blocks(belt) {
             self.place(columns, rows, &mut places);
-            if self.saturated < f32::INFINITY {
-                self.compare::<true>(&places, values, &mut pixels);
-            } else {
-                self.compare::<false>(&places, values, &mut pixels);
+            match (self.saturated < f32::INFINITY, self.overlap) {
+                (false, false) => self.compare::<false, false>(edge, &places, values, &mut pixels),
+                (false, true) => self.compare::<false, true>(edge, &places, values, &mut pixels),
+                (true, false) => self.compare::<true, false>(edge, &places, values, &mut pixels),
+                (true, true) => self.compare::<true, true>(edge, &places, values, &mut pixels),
             }
             pixels.forget_from(count);
-            add_edges(&places, &pixels, &mut edges);
-            add_slope(&places, &pixels, &mut slope);
+            add_pixels(&places, &pixels, &mut sums);
         }
-        let mut sums = [0.0; SUMS];
-        for (sum, lanes) in sums.iter_mut().zip(edges.iter().chain(&slope)) {
-            *sum = lanes.sum();
+        let [x, y, even, square, noise, xyy, yyy, slope_x, slope_y, cross, slope_square] =
+            sums.map(Lanes::sum);
+        EdgeSums {
+            side: [x, y],
+            even,
+            square,
+            noise,
+            third: [x - 4.0 * xyy, 3.0 * y - 4.0 * yyy],
+            slope_side: [slope_x, slope_y],
+            slope_square,
+            cross,
         }
-        sums
     }
 }
 
 /// Not inlined, with a copy of the sums: so the compiler keeps them in vectors.
 #[inline(never)]
-fn add_edges(places: &Places, pixels: &Pixels, sums: &mut [Lanes; EDGE_SUMS]) {
+fn add_pixels(places: &Places, pixels: &Pixels, sums: &mut [Lanes; SUMS]) {
     let mut sum = *sums;
     for run in 0..RUNS {
         let at = |column: &Column| Lanes::load(column, run);
-        let (x, y, residual) = (at(&places.x), at(&places.y), at(&pixels.residual));
-        let (outer, inner) = (at(&pixels.outer), at(&pixels.inner));
-        let (outer_residual, inner_residual) = (outer * residual, inner * residual);
-        let (outer_x, outer_y) = (outer_residual * x, outer_residual * y);
-        sum[0] += outer_x;
-        sum[1] += outer_y;
-        sum[2] += inner_residual * x;
-        sum[3] += inner_residual * y;
-        let (steep, steep_residual) = (outer - inner, outer_residual - inner_residual);
-        sum[4] += steep * steep;
-        sum[5] += steep_residual * steep_residual;
-        let two_xy = x * y + x * y;
-        let four_xy = two_xy + two_xy;
-        sum[6] += outer_x - outer_y * four_xy;
-        sum[7] += outer_x * four_xy - outer_y;
-        sum[8] += outer_residual;
-        sum[9] += inner_residual;
-    }
-    *sums = sum;
-}
-
-#[inline(never)]
-fn add_slope(places: &Places, pixels: &Pixels, sums: &mut [Lanes; SLOPE_SUMS]) {
-    let mut sum = *sums;
-    for run in 0..RUNS {
-        let at = |column: &Column| Lanes::load(column, run);
-        let slope = at(&pixels.by_white) * at(&places.radius);
-        let slope_residual = slope * at(&pixels.residual);
-        sum[0] += slope_residual * at(&places.x);
-        sum[1] += slope_residual * at(&places.y);
-        sum[2] += (at(&pixels.outer) - at(&pixels.inner)) * slope;
-        sum[3] += slope * slope;
+        let (x, y, residual, steep) = (at(&places.x), at(&places.y), at(&pixels.residual), at(&pixels.steep));
+        let even = steep * residual;
+        let (side_x, side_y, square_y) = (even * x, even * y, y * y);
+        sum[0] += side_x;
+        sum[1] += side_y;
+        sum[2] += even;
+        sum[3] += steep * steep;
+        sum[4] += even * even;
+        sum[5] += side_x * square_y;
+        sum[6] += side_y * square_y;
+        let light = at(&pixels.by_white) * at(&places.radius);
+        let light_residual = light * residual;
+        sum[7] += light_residual * x;
+        sum[8] += light_residual * y;
+        sum[9] += steep * light;
+        sum[10] += light * light;
     }
     *sums = sum;
 }
@@ -245,7 +280,7 @@ mod tests {
 
     use super::*;
     use crate::loader::Rect;
-    use crate::patch::Belts;
+    use crate::patch::Belt;
 
     #[test]
     fn the_inverse_root_is_good_to_a_fifty_thousandth() {
@@ -274,8 +309,10 @@ mod tests {
                 bias: [0.0; 2],
                 inner_bias: 0.25,
             };
-            patch.take(&frame, rect, model.centre, shape, &Belts::whole(outer + 4.0), 1);
-            let sums = Kernel::new(&model, patch.origin(), f64::INFINITY).fit(&patch);
+            patch.clear(rect);
+            let all = patch.take(&frame, model.centre, shape, &Belt::whole(outer + 4.0), 1);
+            let kernel = Kernel::new(&model, patch.origin(), f64::INFINITY, true);
+            let [sums, none] = kernel.fit(&patch, [all, Part::default()]);
             // Beyond the outer edge all is white, and grows with a slope as its radius.
             let pixels = (0..64 * 64).map(|i| [f64::from(i % 64) - 30.3, f64::from(i / 64) - 31.8]);
             let radii = pixels.map(|at| {
@@ -285,7 +322,8 @@ mod tests {
             let inside = radii.filter(|radius| *radius < outer + 4.0);
             let most: f64 = inside.map(|radius| radius * radius).sum();
             // The ring's black takes three quarters of its share away; a single pixel of filling would add 60,000.
-            let slope_square = sums[SUMS - 1];
+            let slope_square = sums.slope_square;
+            assert_eq!(none.slope_square, 0.0);
             assert!((0.4 * most..most).contains(&slope_square), "{outer}: {slope_square} of {most}");
         }
     }

@@ -6,8 +6,11 @@ use crate::MAX_SIDE;
 use crate::lanes::BLOCK;
 use crate::loader::{CHUNK, Rect, Row};
 
-/// A whole window, and what the last span writes beyond it.
-const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + BLOCK;
+/// Belts of a patch at the most.
+const MAX_BELTS: usize = 2;
+
+/// A whole window, and what lies between belts and beyond the last one.
+const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + MAX_BELTS * BLOCK;
 
 /// A gap in a row that is narrower, px, costs less than two spans.
 const WORTHWHILE_PX: f64 = 3.0;
@@ -29,26 +32,30 @@ pub(crate) struct Patch {
     x: [u8; MAX_PIXELS],
     y: [u8; MAX_PIXELS],
     values: [u16; MAX_PIXELS],
-    /// Pixels taken.
+    /// Pixels taken, with those between the belts.
     count: usize,
     rect: Rect,
 }
 
-/// Which pixels are taken, by their radius in the circle's plane, px: from `from` to `to` and from `again` to `end`,
-/// and what lies between where that is little.
+/// Which pixels are taken, by their radius in the circle's plane, px; more where a gap in a row is narrow.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Belts {
+pub(crate) struct Belt {
     pub(crate) from: f64,
     pub(crate) to: f64,
-    pub(crate) again: f64,
-    pub(crate) end: f64,
 }
 
-impl Belts {
+impl Belt {
     /// All pixels up to a radius.
-    pub(crate) fn whole(end: f64) -> Self {
-        Self { from: 0.0, to: end, again: end, end }
+    pub(crate) fn whole(to: f64) -> Self {
+        Self { from: 0.0, to }
     }
+}
+
+/// The pixels of a belt in a patch: the first one's block, and how many they are.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Part {
+    block: usize,
+    count: usize,
 }
 
 /// Columns, rows and values of pixels.
@@ -70,62 +77,50 @@ impl Patch {
         [f64::from(self.rect.x), f64::from(self.rect.y)]
     }
 
-    /// Takes every `every`th row of `rect`, as far as it lies in the belts about the ellipses of this shape (of
-    /// determinant 1) and `centre` (in the picture), to the nearest pixel.
+    /// Starts over, in another part of the picture.
+    pub(crate) fn clear(&mut self, rect: Rect) {
+        (self.rect, self.count) = (rect, 0);
+    }
+
+    /// Takes every `every`th row, as far as it lies in the belt about the ellipses of this shape (of determinant 1) and
+    /// `centre` (in the picture), to the nearest pixel.
     pub(crate) fn take(
         &mut self,
         frame: &Frame,
-        rect: Rect,
         centre: [f64; 2],
         shape: [f64; 3],
-        belts: &Belts,
+        belt: &Belt,
         every: usize,
-    ) {
-        (self.rect, self.count) = (rect, 0);
+    ) -> Part {
+        let rect = self.rect;
+        let block = self.count.div_ceil(BLOCK);
+        self.count = block * BLOCK;
         let own = [centre[0] - f64::from(rect.x), centre[1] - f64::from(rect.y)];
         // q0 x^2 + 2 q1 x y + q2 y^2 = radius^2 with q the inverse of the shape.
         let (q0, lean) = (shape[2], shape[1] / shape[2]);
-        let squares = [belts.from, belts.to, belts.again, belts.end].map(|radius| radius * radius * q0);
+        let squares = [belt.from, belt.to].map(|radius| radius * radius * q0);
         let per_q0 = 1.0 / q0;
-        let (split, hollow) = (belts.again > belts.to, 2.0 * belts.from > WORTHWHILE_PX);
-        for row in (0..rect.height).step_by(every) {
+        // Rows that the belt reaches.
+        let reach = libm::sqrt(squares[1]);
+        let (first, last) = (rounded(own[1] - reach + 0.5), rounded(own[1] + reach + 0.5).min(rect.height));
+        for row in (first.next_multiple_of(every)..last).step_by(every) {
             let dy = row as f64 - own[1];
             // Half the chord that the row cuts out of each ellipse; none where it passes by.
-            let half = |i: usize| libm::sqrt((squares[i] - dy * dy).max(0.0)) * per_q0;
-            let end = half(3);
-            if end <= 0.0 {
-                continue;
-            }
+            let [from, to] = squares.map(|square| libm::sqrt((square - dy * dy).max(0.0)) * per_q0);
             let middle = own[0] + lean * dy;
             let line = Line {
                 samples: Row::of(frame, rect.y + row as u16, rect.x),
                 row: row as u8,
                 width: rect.width,
             };
-            let (again, to) = if split { (half(2), half(1)) } else { (0.0, 0.0) };
-            if to > 0.0 && again - to > WORTHWHILE_PX {
-                self.take_span(&line, middle - end, middle - again);
-                self.take_about(&line, middle, half(0), to);
-                self.take_span(&line, middle + again, middle + end);
-            } else if split && to <= 0.0 {
-                self.take_about(&line, middle, again, end);
-            } else if hollow {
-                self.take_about(&line, middle, half(0), end);
+            if 2.0 * from > WORTHWHILE_PX {
+                self.take_span(&line, middle - to, middle - from);
+                self.take_span(&line, middle + from, middle + to);
             } else {
-                self.take_span(&line, middle - end, middle + end);
+                self.take_span(&line, middle - to, middle + to);
             }
         }
-    }
-
-    /// Takes the pixels of a row from `from` to `to` on either side of `middle`, and those between where they are few.
-    #[inline(always)]
-    fn take_about(&mut self, line: &Line, middle: f64, from: f64, to: f64) {
-        if 2.0 * from > WORTHWHILE_PX {
-            self.take_span(line, middle - to, middle - from);
-            self.take_span(line, middle + from, middle + to);
-        } else {
-            self.take_span(line, middle - to, middle + to);
-        }
+        Part { block, count: self.count - block * BLOCK }
     }
 
     /// Takes the pixels of a row from `low` to `high`.
@@ -151,11 +146,11 @@ impl Patch {
     }
 
     /// What was taken, and how many pixels of each block; the others of the last one mean nothing.
-    pub(crate) fn blocks(&self) -> impl Iterator<Item = (Block<'_>, usize)> {
+    pub(crate) fn blocks(&self, part: Part) -> impl Iterator<Item = (Block<'_>, usize)> {
         let places = self.x.as_chunks().0.iter().zip(self.y.as_chunks().0);
         let blocks = places.zip(self.values.as_chunks().0).map(|((x, y), values)| (x, y, values));
-        let counts = (0..self.count).step_by(BLOCK).map(|first| (self.count - first).min(BLOCK));
-        blocks.zip(counts)
+        let counts = (0..part.count).step_by(BLOCK).map(move |first| (part.count - first).min(BLOCK));
+        blocks.skip(part.block).zip(counts)
     }
 }
 

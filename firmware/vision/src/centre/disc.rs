@@ -5,13 +5,13 @@ use gangway_device::Frame;
 use gangway_pose::Centre;
 
 use super::{
-    CLIPPED_WHITE, FIRST_BLUR, FITTED, Fit, MAX_BLACK, MAX_TILT, NEARLY_CLIPPED, SIGMAS, Start, Workspace,
-    converge,
+    Belts, CLIPPED_WHITE, FIRST_BLUR, FITTED, Fit, MAX_BLACK, MAX_TILT, NEARLY_CLIPPED, SIGMAS, Start,
+    Workspace, converge,
 };
 use crate::candidate::Candidate;
 use crate::loader::{Rect, full_scale, top};
 use crate::model::{Kernel, Model};
-use crate::patch::{Belts, Patch};
+use crate::patch::{Belt, Part, Patch};
 use crate::profile::{NO_EDGE, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings};
 
@@ -78,8 +78,10 @@ pub(crate) fn measure(
     if contrast < settings.min_contrast * full {
         return Err(Refusal::LowContrast);
     }
-    patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), 1);
-    let fit = converge(patch, &mut model, &start)?;
+    patch.clear(rect);
+    let disc = patch.take(frame, model.centre, model.shape, &Belt::whole(end), 1);
+    let belts = Belts { parts: [disc, Part::default()], overlap: false };
+    let fit = converge(patch, &belts, &mut model, &start)?;
     fit.check(contrast)?;
     if fit.third[0] > MAX_THIRD_PX + SIGMAS * fit.third[1] {
         return Err(Refusal::Outline);
@@ -115,9 +117,10 @@ fn start(
     saturated: f64,
 ) -> Result<Start, Refusal> {
     let end = model.radial.outer + FITTED;
-    patch.take(frame, rect, model.centre, model.shape, &Belts::whole(end), 1);
+    patch.clear(rect);
+    let disc = patch.take(frame, model.centre, model.shape, &Belt::whole(end), 1);
     profile.clear(end);
-    Kernel::new(model, patch.origin(), f64::INFINITY).collect(patch, profile);
+    Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, disc, profile);
     profile.close();
     let mut radial = profile.fit(&model.radial, end, saturated).ok_or(Refusal::Outline)?;
     let dark = radial.white.max(LEAST_DARK * -radial.contrast);
