@@ -168,18 +168,18 @@ impl Components {
         let height = self.height.min(MAX_SIDE);
         let (region, holes) = (&mut self.region[..height], &self.holes[..height]);
         for sweep in 0..MAX_SWEEPS {
-            let (mut grown, mut before) = (false, [0; N]);
+            let mut front = Front::<N>::new(Reach::Sides);
             for (outside, bright) in region.iter_mut().zip(holes) {
-                grown |= grow(outside, &words(bright), &mut before, Reach::Sides);
+                front.grow(outside, &words(bright));
             }
-            if sweep > 0 && !grown {
+            if sweep > 0 && !front.is_wanted_back {
                 return Ok(());
             }
-            (grown, before) = (false, [0; N]);
+            let mut front = Front::<N>::new(Reach::Sides);
             for (outside, bright) in region.iter_mut().zip(holes).rev() {
-                grown |= grow(outside, &words(bright), &mut before, Reach::Sides);
+                front.grow(outside, &words(bright));
             }
-            if !grown {
+            if !front.is_wanted_back {
                 return Ok(());
             }
         }
@@ -339,72 +339,100 @@ fn flood<const N: usize>(
     let (Some(first), Some(own)) = (region.get_mut(y), mask.row(y)) else { return Err(Clutter) };
     put(first, &fill(&seed, &own));
     for sweep in 0..MAX_SWEEPS {
-        // Down through the rows that have some of it and beyond, then up, until a way changes nothing.
-        let (mut grown, mut before) = (false, [0; N]);
+        // Down through the rows that have some of it and beyond, then up, until a way leaves nothing to the other.
+        let mut front = Front::new(reach);
         let mut row = from;
         while let (Some(into), Some(own)) = (region.get_mut(row), mask.row(row)) {
             if row == to {
                 *into = [0; WORDS];
-                if !grow(into, &own, &mut before, reach) {
+                if !front.grow(into, &own) {
                     break;
                 }
-                (grown, to) = (true, row + 1);
+                to = row + 1;
             } else {
-                grown |= grow(into, &own, &mut before, reach);
+                front.grow(into, &own);
             }
             row += 1;
         }
-        if sweep > 0 && !grown {
+        if sweep > 0 && !front.is_wanted_back {
             return Ok((from, to));
         }
-        (grown, before) = (false, [0; N]);
+        let mut front = Front::new(reach);
         let mut rows = (0..to).rev();
         while let Some(row) = rows.next()
             && let (Some(into), Some(own)) = (region.get_mut(row), mask.row(row))
         {
             if row + 1 == from {
                 *into = [0; WORDS];
-                if !grow(into, &own, &mut before, reach) {
+                if !front.grow(into, &own) {
                     break;
                 }
-                (grown, from) = (true, row);
+                from = row;
             } else {
-                grown |= grow(into, &own, &mut before, reach);
+                front.grow(into, &own);
             }
         }
-        if !grown {
+        if !front.is_wanted_back {
             return Ok((from, to));
         }
     }
     Err(Clutter)
 }
 
-/// Grows a flooded row by what it shares with the flooded row `before` it, which it then takes the place of. Says
-/// whether it grew.
-#[inline(always)]
-fn grow<const N: usize>(row: &mut Row, mask: &[u64; N], before: &mut [u64; N], reach: Reach) -> bool {
-    let present: [u64; N] = words(row);
-    let mut fresh = 0;
-    let seed = core::array::from_fn(|i| {
-        let spread = match reach {
-            Reach::Sides => before[i],
-            Reach::Diagonals => {
-                let left = before[i] << 1 | if i > 0 { before[i - 1] >> 63 } else { 0 };
-                let right = before[i] >> 1 | if i + 1 < N { before[i + 1] << 63 } else { 0 };
-                before[i] | left | right
-            }
-        };
-        let seed = spread & mask[i];
-        fresh |= seed & !present[i];
-        present[i] | seed
-    });
-    if fresh == 0 {
-        *before = present;
-        return false;
+/// A flood on its way up or down.
+struct Front<const N: usize> {
+    reach: Reach,
+    /// What is flooded of the row before, and what is not but could be.
+    flooded: [u64; N],
+    dry: [u64; N],
+    /// Whether a row grew so that it reaches what is dry of the row before: that is for the way back.
+    is_wanted_back: bool,
+}
+
+impl<const N: usize> Front<N> {
+    fn new(reach: Reach) -> Self {
+        Self { reach, flooded: [0; N], dry: [0; N], is_wanted_back: false }
     }
-    *before = fill(&seed, mask);
-    put(row, before);
-    true
+
+    /// Goes on to a row with what is flooded of it already, and grows that by what it shares with the row before. Says
+    /// whether it grew.
+    #[inline(always)]
+    fn grow(&mut self, row: &mut Row, mask: &[u64; N]) -> bool {
+        let present: [u64; N] = words(row);
+        let spread = self.reach.spread(&self.flooded);
+        let mut fresh = 0;
+        let seed = core::array::from_fn(|i| {
+            let seed = spread[i] & mask[i];
+            fresh |= seed & !present[i];
+            present[i] | seed
+        });
+        let grew = fresh != 0;
+        if grew {
+            self.flooded = fill(&seed, mask);
+            put(row, &self.flooded);
+            let back = self.reach.spread(&self.flooded);
+            self.is_wanted_back |= (0..N).any(|i| back[i] & self.dry[i] != 0);
+        } else {
+            self.flooded = present;
+        }
+        self.dry = core::array::from_fn(|i| mask[i] & !self.flooded[i]);
+        grew
+    }
+}
+
+impl Reach {
+    /// What pixels of a row touch in the next one.
+    #[inline(always)]
+    fn spread<const N: usize>(self, row: &[u64; N]) -> [u64; N] {
+        core::array::from_fn(|i| match self {
+            Self::Sides => row[i],
+            Self::Diagonals => {
+                let left = row[i] << 1 | if i > 0 { row[i - 1] >> 63 } else { 0 };
+                let right = row[i] >> 1 | if i + 1 < N { row[i + 1] << 63 } else { 0 };
+                row[i] | left | right
+            }
+        })
+    }
 }
 
 /// All runs of `mask` that have a pixel of `seed`, which lies within it.

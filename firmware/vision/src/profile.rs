@@ -183,11 +183,12 @@ impl Profile {
 
     /// Adds the pixels of a block.
     pub(crate) fn add(&mut self, places: &Places, values: &[u16; BLOCK]) {
-        let (mut cells, mut upper) = ([0; BLOCK], [0; BLOCK]);
-        sort(places, &mut cells, &mut upper);
+        let (mut cells, mut more) = ([0; BLOCK], [[0; 2]; BLOCK]);
+        sort(places, values, &mut cells, &mut more);
         for i in 0..BLOCK {
             let sum = &mut self.cells[cells[i] as usize % CELLS];
-            *sum = sum.wrapping_add(u64::from(upper[i]) << UPPER | u64::from(values[i]));
+            let [lower, upper] = more[i];
+            *sum = sum.wrapping_add(u64::from(upper) << UPPER | u64::from(lower));
         }
     }
 
@@ -359,9 +360,9 @@ fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squ
     }
 }
 
-/// The cell of every pixel and what it adds to its upper half.
+/// The cell of every pixel and what it adds to its lower and upper half.
 #[inline(never)]
-fn sort(places: &Places, cells: &mut [u32; BLOCK], upper: &mut [u32; BLOCK]) {
+fn sort(places: &Places, values: &[u16; BLOCK], cells: &mut [u32; BLOCK], more: &mut [[u32; 2]; BLOCK]) {
     for i in 0..BLOCK {
         let radius = places.radius[i];
         let far = if radius < FARTHEST_PX { radius } else { FARTHEST_PX };
@@ -369,7 +370,7 @@ fn sort(places: &Places, cells: &mut [u32; BLOCK], upper: &mut [u32; BLOCK]) {
         let left = if places.x[i] < 0.0 { 1 } else { 0 };
         let above = if places.y[i] < 0.0 { 2 } else { 0 };
         cells[i] = (left | above) * RINGS as u32 + parts / PARTS;
-        upper[i] = COUNT + parts % PARTS;
+        more[i] = [u32::from(values[i]), COUNT + parts % PARTS];
     }
 }
 
