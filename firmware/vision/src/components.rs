@@ -186,7 +186,8 @@ impl Components {
         Err(Clutter)
     }
 
-    /// The hole that has this pixel and the dark component around it; `None` where it is dark or reaches the edge.
+    /// The hole that has this pixel, or that is in the middle of the dark component that has it, and the dark component
+    /// around the hole; `None` where what is there is none or reaches the edge.
     pub(crate) fn ring_at(&mut self, bits: &Bits, at: [f64; 2]) -> Option<(Part, Part)> {
         (self.width, self.height) = (bits.width(), bits.height());
         // What is outside the window is outside its rows too.
@@ -199,12 +200,16 @@ impl Components {
     }
 
     fn ring_at_in<const N: usize>(&mut self, bits: &Bits, (x, y): (usize, usize)) -> Option<(Part, Part)> {
-        let mask = Mask::<N>::bright(bits);
-        let is_bright = mask.row(y)?.get(x / 64)? >> (x % 64) & 1 == 1;
-        if !is_bright {
+        let (bright, dark) = (Mask::<N>::bright(bits), Mask::<N>::set(bits.rows()));
+        let mut at = (x, y);
+        if dark.has(at) {
+            let rows = flood(&dark, &mut self.region, at, Reach::Diagonals).ok()?;
+            at = part::<N>(&self.region, rows).centroid().map(|at| libm::round(at) as usize).into();
+        }
+        if !bright.has(at) {
             return None;
         }
-        let rows = flood(&mask, &mut self.region, (x, y), Reach::Sides).ok()?;
+        let rows = flood(&bright, &mut self.region, at, Reach::Sides).ok()?;
         let bright = part::<N>(&self.region, rows);
         if bright.touches_edge([self.width, self.height]) {
             return None;
@@ -316,6 +321,10 @@ impl<'a, const N: usize> Mask<'a, N> {
     /// The bright pixels of a window.
     fn bright(bits: &'a Bits) -> Self {
         Self { rows: bits.rows(), others: u64::MAX, inside: words(&bits.row_mask()) }
+    }
+
+    fn has(&self, (x, y): (usize, usize)) -> bool {
+        self.row(y).and_then(|row| row.get(x / 64).copied()).is_some_and(|word| word >> (x % 64) & 1 == 1)
     }
 
     #[inline(always)]

@@ -224,14 +224,16 @@ impl Profile {
         let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
         let is_clipped = saturated < f64::INFINITY;
         let (passes, small) = if is_clipped { CLIPPED } else { WHOLE };
+        let rings = ((end * f64::from(PER_PX)) as usize + 1).min(self.used);
         for _ in 0..passes {
             let mut sums = [Lanes::ZERO; EVEN_SUMS];
             let kernel = Kernel::new(&radial);
             let limits = (end as f32, saturated as f32);
             let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
-            for ((radius, value), count) in columns.zip(self.count.as_chunks().0).take(self.used / BLOCK) {
+            let blocks = columns.zip(self.count.as_chunks().0);
+            for (((radius, value), count), first) in blocks.zip((0..rings).step_by(BLOCK)) {
                 kernel.compare(radius, value, count, limits, &mut terms);
-                add_products(&terms, &mut sums);
+                add_products(&terms, rings - first, &mut sums);
             }
             let mut sums = sums.map(Lanes::sum);
             if radial.is_disc() {
@@ -460,10 +462,10 @@ impl Kernel {
     }
 }
 
-/// Not inlined, with the sums in memory: so the compiler keeps the four together.
+/// For the first `rings` of a block. Not inlined, with the sums in memory: so the compiler keeps the four together.
 #[inline(never)]
-fn add_products(terms: &Terms, sums: &mut [Lanes; EVEN_SUMS]) {
-    for i in 0..RUNS {
+fn add_products(terms: &Terms, rings: usize, sums: &mut [Lanes; EVEN_SUMS]) {
+    for i in 0..rings.div_ceil(LANES).min(RUNS) {
         let at = |column: &Column| Lanes::load(column, i);
         let mut next = 0;
         for k in 0..EVEN {

@@ -78,11 +78,16 @@ fn check(plane: &Plane) {
     assert_eq!(found.iter().map(|[hole, _]| *hole).collect::<Vec<_>>(), holes);
 
     let mut components = Box::new(Components::new());
-    let pixels = (0..width * height).map(|i| [(i % width) as f64, (i / width) as f64]);
-    let mut about: Vec<_> = pixels
-        .filter_map(|at| components.ring_at(&bits, at))
-        .map(|(hole, dark)| [hole, dark].map(sums))
-        .collect();
+    let mut rings_of = |is_dark: bool| -> Vec<_> {
+        let pixels = (0..width * height).map(|i| (i % width, i / width));
+        pixels
+            .filter(|&(x, y)| bits.get(x, y) == is_dark)
+            .filter_map(|(x, y)| components.ring_at(&bits, [x as f64, y as f64]))
+            .map(|(hole, dark)| [hole, dark].map(sums))
+            .collect()
+    };
+    assert!(rings_of(true).iter().all(|ring| found.contains(ring)));
+    let mut about = rings_of(false);
     let holes: u32 = holes.iter().map(|hole| hole.0).sum();
     assert_eq!(about.len(), holes as usize, "every pixel of a hole tells its ring");
     about.sort_unstable();
@@ -179,4 +184,19 @@ fn moments_are_those_of_the_pixels() {
     assert!((centre[0] - cx).abs() < 1e-9 && (centre[1] - cy).abs() < 1e-9);
     // Differences of numbers some hundred times as large.
     assert!(moments.iter().zip(naive).all(|(a, b)| (a - b).abs() < 1e-9), "{moments:?} {naive:?}");
+}
+
+#[test]
+fn a_pixel_of_the_dark_tells_the_ring_that_one_of_the_hole_tells() {
+    let radius = |x: usize, y: usize| (x as f64 - 20.3).hypot(y as f64 - 17.6);
+    let plane = Plane::from_fn(40, 36, |x, y| if (4.0..9.5).contains(&radius(x, y)) { 0 } else { 255 });
+    let mut bits = Bits::new();
+    bits.pack(&plane, 128);
+    let mut components = Box::new(Components::new());
+    let ring = components.ring_at(&bits, [20.0, 18.0]);
+    assert!(ring.is_some());
+    for at in [[14.0, 18.0], [26.0, 20.0], [20.0, 10.0], [16.0, 23.0]] {
+        assert_eq!(components.ring_at(&bits, at), ring);
+    }
+    assert_eq!(components.ring_at(&bits, [3.0, 3.0]), None);
 }
