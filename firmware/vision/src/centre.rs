@@ -43,8 +43,8 @@ const CLIPPED: f64 = 0.01;
 /// looked for from, share of full scale.
 const NEARLY_CLIPPED: f64 = 0.03;
 /// The same of a cell of the profile: its pixels differ by a tenth of the contrast from its mean.
-const CELL_NEARLY_CLIPPED: f64 = 0.12;
-const CLIPPED_WHITE: f64 = 1.2;
+const CELL_NEARLY_CLIPPED: f64 = 0.05;
+const CLIPPED_WHITE: f64 = 1.6;
 /// Black above this share of full scale under saturated white: too little of the edges is left.
 const MAX_BLACK: f64 = 0.5;
 

@@ -41,7 +41,7 @@ const ENOUGH: f32 = 4.0;
 /// below which one is the last: the next one's would be of its square. Under clipped white the level, radii and blur
 /// follow from what is left of the edges, and slowly.
 const WHOLE: (usize, f64) = (5, 0.15);
-const CLIPPED: (usize, f64) = (12, 0.01);
+const CLIPPED: (usize, f64) = (24, 0.002);
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
