@@ -15,11 +15,11 @@ const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + MAX_BELTS * BLOCK;
 /// A gap in a row that is narrower, px, costs less than two spans.
 const WORTHWHILE_PX: f64 = 3.0;
 
-/// Columns of a chunk's pixels from its first one.
-const COLUMNS: [u8; CHUNK] = {
-    let mut columns = [0; CHUNK];
+/// Columns from any one on, as many as a chunk has.
+const COLUMNS: [u8; 256 + CHUNK] = {
+    let mut columns = [0; 256 + CHUNK];
     let mut i = 0;
-    while i < CHUNK {
+    while i < columns.len() {
         columns[i] = i as u8;
         i += 1;
     }
@@ -110,7 +110,7 @@ impl Patch {
             let middle = own[0] + lean * dy;
             let line = Line {
                 samples: Row::of(frame, rect.y + row as u16, rect.x),
-                row: row as u8,
+                row: [row as u8; CHUNK],
                 width: rect.width,
             };
             if 2.0 * from > WORTHWHILE_PX {
@@ -129,18 +129,20 @@ impl Patch {
         // Rounded up and down: what lies nearer to a belt's edge than a pixel hardly counts.
         let (start, end) = (rounded(low + 0.5), rounded(high + 0.5).min(line.width));
         // Written in whole chunks: what is too much is overwritten by the next span.
-        let mut first = start;
+        let (mut first, mut at) = (start, self.count);
         while first < end {
-            let at = (self.count + first - start).min(MAX_PIXELS - CHUNK);
-            let (Some(x), Some(y), Some(values)) =
-                (chunk(&mut self.x, at), chunk(&mut self.y, at), chunk(&mut self.values, at))
-            else {
+            let from = at.min(MAX_PIXELS - CHUNK);
+            let (Some(x), Some(y), Some(values), Some(columns)) = (
+                chunk(&mut self.x, from),
+                chunk(&mut self.y, from),
+                chunk(&mut self.values, from),
+                COLUMNS.get(first & 0xff..).and_then(|columns| columns.first_chunk()),
+            ) else {
                 return;
             };
-            *x = COLUMNS.map(|column| column + first as u8);
-            *y = [line.row; CHUNK];
+            (*x, *y) = (*columns, line.row);
             line.samples.load(first, (end - first).min(CHUNK), values);
-            first += CHUNK;
+            (first, at) = (first + CHUNK, at + CHUNK);
         }
         self.count += end.saturating_sub(start);
     }
@@ -157,7 +159,8 @@ impl Patch {
 /// A row of the part of the picture.
 struct Line<'a> {
     samples: Row<'a>,
-    row: u8,
+    /// Its number, for every pixel of a chunk.
+    row: [u8; CHUNK],
     width: usize,
 }
 
