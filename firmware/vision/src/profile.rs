@@ -37,11 +37,11 @@ const TO_BITS: f32 = 8_388_608.0;
 /// Pixels of a ring whose mean is a level.
 const ENOUGH: f32 = 4.0;
 
-/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and the step, px,
-/// below which one is the last: the next one's would be of its square. Under clipped white the level, radii and blur
-/// follow from what is left of the edges, and slowly.
-const WHOLE: (usize, f64) = (5, 0.15);
-const CLIPPED: (usize, f64) = (24, 0.002);
+/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and the steps of the
+/// radii and of the half width, px, below which one is the last: the next one's would be of their square. Under clipped
+/// white the level, radii and blur follow from what is left of the edges, and slowly.
+const WHOLE: (usize, f64, f64) = (5, 0.15, 0.3);
+const CLIPPED: (usize, f64, f64) = (24, 0.002, 0.002);
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
@@ -159,6 +159,9 @@ struct Terms {
 const EVEN: usize = 5;
 /// Upper triangle of their normal matrix, and the right-hand side.
 const EVEN_SUMS: usize = EVEN * (EVEN + 1) / 2 + EVEN;
+/// Those of the first two rows, and of the others: as many as fit into a processor's vectors.
+const UPPER_SUMS: usize = 2 * EVEN + 1;
+const LOWER_SUMS: usize = EVEN_SUMS - UPPER_SUMS;
 
 impl Profile {
     pub(crate) const fn new() -> Self {
@@ -223,19 +226,21 @@ impl Profile {
         let zero = [0.0; BLOCK];
         let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
         let is_clipped = saturated < f64::INFINITY;
-        let (passes, small) = if is_clipped { CLIPPED } else { WHOLE };
+        let (passes, small, small_width) = if is_clipped { CLIPPED } else { WHOLE };
         let rings = ((end * f64::from(PER_PX)) as usize + 1).min(self.used);
         for _ in 0..passes {
-            let mut sums = [Lanes::ZERO; EVEN_SUMS];
+            let (mut upper, mut lower) = ([Lanes::ZERO; UPPER_SUMS], [Lanes::ZERO; LOWER_SUMS]);
             let kernel = Kernel::new(&radial);
             let limits = (end as f32, saturated as f32);
             let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
             let blocks = columns.zip(self.count.as_chunks().0);
             for (((radius, value), count), first) in blocks.zip((0..rings).step_by(BLOCK)) {
                 kernel.compare(radius, value, count, limits, &mut terms);
-                add_products(&terms, rings - first, &mut sums);
+                add_products::<0, 2, UPPER_SUMS>(&terms, rings - first, &mut upper);
+                add_products::<2, EVEN, LOWER_SUMS>(&terms, rings - first, &mut lower);
             }
-            let mut sums = sums.map(Lanes::sum);
+            let mut sums = [0.0; EVEN_SUMS];
+            sums.iter_mut().zip(upper.iter().chain(&lower)).for_each(|(sum, lanes)| *sum = lanes.sum());
             if radial.is_disc() {
                 disc::hold(&mut sums, &radial, saturated);
             }
@@ -249,7 +254,7 @@ impl Profile {
             if !radial.is_sound() {
                 return None;
             }
-            if step[2..].iter().all(|step| step.abs() < small) {
+            if step[2].abs().max(step[3].abs()) < small && step[4].abs() < small_width {
                 break;
             }
         }
@@ -462,22 +467,29 @@ impl Kernel {
     }
 }
 
-/// For the first `rings` of a block. Not inlined, with the sums in memory: so the compiler keeps the four together.
+/// Rows `FROM` up to `TO` of the normal equations, by the first `rings` of a block. Not inlined, with a copy of the sums: so
+/// the compiler keeps them in vectors.
 #[inline(never)]
-fn add_products(terms: &Terms, rings: usize, sums: &mut [Lanes; EVEN_SUMS]) {
+fn add_products<const FROM: usize, const TO: usize, const N: usize>(
+    terms: &Terms,
+    rings: usize,
+    sums: &mut [Lanes; N],
+) {
+    let mut sum = *sums;
     for i in 0..rings.div_ceil(LANES).min(RUNS) {
         let at = |column: &Column| Lanes::load(column, i);
         let mut next = 0;
-        for k in 0..EVEN {
+        for k in FROM..TO {
             let counted = at(&terms.rows[k]) * at(&terms.count);
             for j in k..EVEN {
-                sums[next] += counted * at(&terms.rows[j]);
+                sum[next] += counted * at(&terms.rows[j]);
                 next += 1;
             }
-            sums[next] += counted * at(&terms.residual);
+            sum[next] += counted * at(&terms.residual);
             next += 1;
         }
     }
+    *sums = sum;
 }
 
 /// Solves the normal equations by Cholesky's method without square roots.
