@@ -24,7 +24,7 @@ use crate::camera::Device;
 use crate::pins::Pins;
 
 /// Debug builds count the allocations of the frame loop, which makes none.
-#[cfg(any(debug_assertions, feature = "count-allocations"))]
+#[cfg(any(debug_assertions, feature = "proof"))]
 #[global_allocator]
 static ALLOCATOR: gangway_linux::Counting = gangway_linux::Counting;
 
@@ -185,6 +185,8 @@ fn engine(settings: Settings, identity: Identity) -> anyhow::Result<Box<Engine>>
 
 /// The setup once more, as far as it can change while the camera runs on.
 fn reload(file: &Path, before: &Setup, identity: Identity) -> anyhow::Result<Box<Engine>> {
+    #[cfg(feature = "proof")]
+    assert!(file.exists(), "{} is gone: on purpose, to see what a panic leaves behind", file.display());
     let setup = Setup::read(file)?;
     let (new, old) = (setup.parts(), before.parts());
     let picture = |parts: &gangway_setup::Parts| {
