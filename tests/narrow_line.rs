@@ -1,6 +1,7 @@
 //! A serial line that cannot carry everything: a terminal whose other end is read at 115,200 baud, in the time of the
 //! frames and not of a clock.
 
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::convert::Infallible;
 use std::io::Read as _;
@@ -94,19 +95,18 @@ fn play(ride: &Ride, frames: u32, rate_hz: usize, bytes_a_second: usize) -> (Hea
     let mut lamps: Vec<TestLamp> = Vec::new();
     let (mut credit, mut steps) = (0, 0);
     loop {
-        if steps < frames {
-            let board = &mut Board {
-                camera: &mut camera,
-                clock: &Still,
-                vitals: &mut Reading::default(),
-                lamps: &mut lamps,
-            };
-            engine.step(board, &mut commands, &mut put);
-            steps += 1;
-        } else if steps == frames {
-            engine.end(&mut lamps, &mut put);
-            steps += 1;
+        let board = &mut Board {
+            camera: &mut camera,
+            clock: &Still,
+            vitals: &mut Reading::default(),
+            lamps: &mut lamps,
+        };
+        match steps.cmp(&frames) {
+            Ordering::Less => _ = engine.step(board, &mut commands, &mut put),
+            Ordering::Equal => engine.end(board, &mut put),
+            Ordering::Greater => {}
         }
+        steps += 1;
         while courier.turn().expect("the line is there") {}
         // In the time of a frame so many bytes pass; a delimiter went ahead of the first record.
         credit += bytes_a_second / rate_hz;

@@ -329,7 +329,7 @@ fn work<C: Camera<Error = CameraErrorKind>>(
     if play.pace == Pace::AsFast {
         wait_for_room(outbox, ends);
     }
-    engine.end(board.lamps, outbox);
+    engine.end(&mut board, outbox);
     summary.lost = u64::from(engine.records_lost());
     summary
 }

@@ -315,7 +315,7 @@ impl Frames<'_> {
             costs.note(summary.frames, asked, &self.notices);
         }
         self.watchdog.stopping();
-        self.engine.end(hardware.lamps, outbox);
+        self.engine.end(hardware, outbox);
         summary.lost = u64::from(self.engine.records_lost());
         (summary.page_faults, summary.allocations) = (costs.page_faults, costs.allocations);
         summary

@@ -190,12 +190,18 @@ impl Engine {
         self.recorder.event(outbox, What::ExposureChanged { exposure_us, gain_permille });
     }
 
-    /// Ends the session: says so and puts every lamp out.
-    pub fn end<L: Lamp>(&mut self, lamps: &mut [L], outbox: &mut OutboxProducer<'_>) {
-        for lamp in lamps {
+    /// Ends the session: puts every lamp out, tells how the loop did since the last record of it, and that this is the
+    /// end.
+    pub fn end<C, K: Clock, V: Vitals, L: Lamp>(
+        &mut self,
+        board: &mut Board<'_, C, K, V, L>,
+        outbox: &mut OutboxProducer<'_>,
+    ) {
+        for lamp in board.lamps.iter_mut() {
             // Nothing is left to be done about a pin that fails now.
             let _ = lamp.set_lit(false);
         }
+        self.report_health(board.clock, board.vitals, outbox);
         self.recorder.event(outbox, What::Ended);
     }
 
