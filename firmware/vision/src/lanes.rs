@@ -43,7 +43,7 @@ impl Lanes {
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
         let [a, b, c, d] = self.0;
-        (f64::from(a) + f64::from(b)) + (f64::from(c) + f64::from(d))
+        f64::from((a + c) + (b + d))
     }
 }
 

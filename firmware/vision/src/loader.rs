@@ -121,14 +121,28 @@ fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
     }
 }
 
-/// Takes the first `width` of every `every`th of some bytes, in whole chunks; whether there are as many.
+/// Bytes of a short row, which are copied in a few instructions.
+const SHORT: usize = 64;
+
+/// Takes the first `width` of every `every`th of some bytes, and what is left of whole chunks; whether there are as many.
 #[inline(always)]
 fn thin(bytes: &[u8], every: usize, width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
     let size = width.next_multiple_of(CHUNK);
-    let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..every * size)) else { return false };
     match every {
-        1 => into.copy_from_slice(bytes),
+        1 if width <= SHORT => {
+            let (Some(into), Some(bytes)) = (into.first_chunk_mut::<SHORT>(), bytes.first_chunk()) else {
+                return false;
+            };
+            *into = *bytes;
+        }
+        1 => {
+            let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..size)) else { return false };
+            into.copy_from_slice(bytes);
+        }
         2 => {
+            let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..2 * size)) else {
+                return false;
+            };
             let chunks = into.as_chunks_mut().0.iter_mut().zip(bytes.as_chunks().0);
             chunks.for_each(|(to, from)| halve(from, to));
         }

@@ -72,8 +72,11 @@ impl Pixels {
 /// One of a ring's edges.
 #[derive(Clone, Copy)]
 struct Edge {
+    /// Its own centre, from the patch's corner: perspective moves it.
+    centre: [f32; 2],
     radius: f32,
-    bias: [f32; 2],
+    /// How far the other edge's centre lies from this one's, in the circle's plane.
+    to_other: [f32; 2],
     /// How much brighter it is outside than inside, share of white.
     rise: f32,
 }
@@ -127,15 +130,21 @@ impl Kernel {
         let [uu, uv, vv] = model.shape;
         let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
         let depth = (radial.contrast / radial.white) as f32;
-        let edge = |radius: f64, share: f64, rise: f32| Edge {
-            radius: radius as f32,
-            bias: model.bias.map(|x| (share * x) as f32),
-            rise,
+        let centre = [0, 1].map(|i| model.centre[i] - origin[i]);
+        let edge = |radius: f64, share: f64, other: f64, rise: f32| {
+            let bias = model.out_of_circle(model.bias.map(|bias| share * bias));
+            Edge {
+                centre: [0, 1].map(|i| (centre[i] + bias[i]) as f32),
+                radius: radius as f32,
+                to_other: model.bias.map(|bias| ((other - share) * bias) as f32),
+                rise,
+            }
         };
+        let inner_bias = model.inner_bias;
         Self {
-            centre: [0, 1].map(|i| (model.centre[i] - origin[i]) as f32),
+            centre: centre.map(|x| x as f32),
             root: model.root().map(|x| x as f32),
-            edges: [edge(radial.outer, 1.0, depth), edge(radial.inner, model.inner_bias, -depth)],
+            edges: [edge(radial.outer, 1.0, inner_bias, depth), edge(radial.inner, inner_bias, 1.0, -depth)],
             overlap,
             white: radial.white as f32,
             slope: model.slope.map(|x| x as f32),
@@ -145,12 +154,12 @@ impl Kernel {
         }
     }
 
-    /// Where pixels are. Not inlined, as [`Self::compare`]: so the compiler makes one loop over whole vectors of it; and
+    /// Where pixels are, about a centre. Not inlined, as [`Self::compare`]: so the compiler makes one loop over whole vectors of it; and
     /// two loops, so that a processor has several turns of either under way.
     #[inline(never)]
-    fn place(&self, columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
+    fn place(&self, centre: [f32; 2], columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
         for i in 0..BLOCK {
-            let (du, dv) = (f32::from(columns[i]) - self.centre[0], f32::from(rows[i]) - self.centre[1]);
+            let (du, dv) = (f32::from(columns[i]) - centre[0], f32::from(rows[i]) - centre[1]);
             let (x, y) = (self.root[0] * du + self.root[1] * dv, self.root[1] * du + self.root[2] * dv);
             let square = x * x + y * y;
             let per_radius = inverse_sqrt(square);
@@ -174,12 +183,11 @@ impl Kernel {
         for i in 0..BLOCK {
             let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
             let per_width = self.per_width[0] + y * (self.per_width[1] * x + self.per_width[2] * y);
-            let from =
-                |edge: &Edge| (radius - edge.radius - (edge.bias[0] * x + edge.bias[1] * y)) * per_width;
-            let (mut steep, height) = edge(from(&near));
+            let (mut steep, height) = edge((radius - near.radius) * per_width);
             let mut by_white = between + near.rise * height;
             if OVERLAP {
-                let (far_steep, far_height) = edge(from(&far));
+                let moved = near.to_other[0] * x + near.to_other[1] * y;
+                let (far_steep, far_height) = edge((radius - far.radius - moved) * per_width);
                 steep -= far_steep;
                 by_white += far.rise * far_height;
             }
@@ -196,7 +204,7 @@ impl Kernel {
     pub(crate) fn collect(&self, patch: &Patch, part: Part, profile: &mut Profile) {
         let mut places = Places::new();
         for ((columns, rows, values), count) in patch.blocks(part) {
-            self.place(columns, rows, &mut places);
+            self.place(self.centre, columns, rows, &mut places);
             places.forget_from(count);
             profile.add(&places, values);
         }
@@ -212,8 +220,9 @@ impl Kernel {
         let mut places = Places::new();
         let mut pixels = Pixels { residual: zero, steep: zero, by_white: zero };
         let mut sums = [Lanes::ZERO; SUMS];
+        let centre = self.edges[edge & 1].centre;
         for ((columns, rows, values), count) in patch.blocks(belt) {
-            self.place(columns, rows, &mut places);
+            self.place(centre, columns, rows, &mut places);
             match (self.saturated < f32::INFINITY, self.overlap) {
                 (false, false) => self.compare::<false, false>(edge, &places, values, &mut pixels),
                 (false, true) => self.compare::<false, true>(edge, &places, values, &mut pixels),
