@@ -1,9 +1,65 @@
-//! The columns of a reference in CSV: what each row is of (a frame, a time), then the six degrees of freedom.
+//! References in CSV: their rows, and the columns of what each row is of (a frame, a time) and of the six degrees of
+//! freedom.
+
+use std::path::Path;
 
 use csv::StringRecord;
 
 use crate::reference::{allowed_names, plain_name};
 use crate::{DEGREES_OF_FREEDOM, ReportError};
+
+/// What `parse` makes of a file and of what messages call it.
+pub(crate) fn read_file<T>(
+    path: &Path,
+    parse: impl FnOnce(&[u8], &str) -> Result<T, ReportError>,
+) -> Result<T, ReportError> {
+    let name = path.display().to_string();
+    match std::fs::read(path) {
+        Ok(text) => parse(&text, &name),
+        Err(why) => Err(ReportError::ReadReference { name, why }),
+    }
+}
+
+/// The columns of a file whose first column is called as `first` says, and its rows, each with its line.
+pub(crate) fn table(
+    text: &[u8],
+    first: &[String],
+    name: &str,
+) -> Result<(Columns, Vec<(u64, StringRecord)>), ReportError> {
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let text = String::from_utf8_lossy(text);
+    let reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(delimiter(&text))
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
+    let mut rows = reader.into_records().map(|row| {
+        let row = row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), why: e.into() })?;
+        Ok((line_of(&row, &text), row))
+    });
+    let Some(header) = rows.next() else {
+        return Err(ReportError::EmptyReference { name: name.to_owned() });
+    };
+    let columns = Columns::find(&header?.1, first, name)?;
+    Ok((columns, rows.collect::<Result<_, _>>()?))
+}
+
+/// Comma, semicolon or tab, whichever the first line that says something has most of.
+fn delimiter(text: &str) -> u8 {
+    let header = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
+    let count = |c: u8| header.bytes().filter(|b| *b == c).count();
+    // Of equals, the last would win: the comma is the last.
+    [b'\t', b';', b','].into_iter().max_by_key(|c| count(*c)).unwrap_or(b',')
+}
+
+/// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the row.
+fn line_of(row: &StringRecord, text: &str) -> u64 {
+    let Some(position) = row.position() else { return 0 };
+    let rest = text.get(position.byte() as usize..).unwrap_or_default();
+    let skipped = &rest[..rest.len() - rest.trim_start_matches(['\r', '\n']).len()];
+    position.line() + skipped.matches('\n').count() as u64
+}
 
 /// Where the seven columns are, and what the file calls them.
 pub(crate) struct Columns {

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use csv::StringRecord;
 
-use crate::columns::Columns;
+use crate::columns::{self, Columns};
 use crate::{DEGREES_OF_FREEDOM, ReportError};
 
 /// The true motion of each frame.
@@ -36,11 +36,7 @@ impl Reference {
     ///
     /// Where it cannot be read, or is not as described above: with its line and column.
     pub fn read(path: &Path) -> Result<Self, ReportError> {
-        let name = path.display().to_string();
-        match std::fs::read(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(why) => Err(ReportError::ReadReference { name, why }),
-        }
+        columns::read_file(path, Self::parse)
     }
 
     /// Reads the text of a CSV file; `name` is what messages call it.
@@ -49,29 +45,10 @@ impl Reference {
     ///
     /// As [`Reference::read`].
     pub fn parse(text: &[u8], name: &str) -> Result<Self, ReportError> {
-        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-        let text = String::from_utf8_lossy(text);
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(delimiter(&text))
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        let mut rows = reader.records();
-        let read = |row: Result<StringRecord, csv::Error>| {
-            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), why: e.into() })
-        };
-
-        let header = match rows.next() {
-            Some(row) => read(row)?,
-            None => return Err(ReportError::EmptyReference { name: name.to_owned() }),
-        };
-        let columns = Columns::find(&header, &allowed_names(0), name)?;
+        let (columns, rows) = columns::table(text, &allowed_names(0), name)?;
         let mut truth = BTreeMap::new();
         let mut lines = BTreeMap::new();
-        for row in rows {
-            let row = read(row)?;
-            let line = line_of(&row, &text);
+        for (line, row) in rows {
             let (frame, values) = read_row(&columns, &row, line, name)?;
             if let Some(before) = lines.insert(frame, line) {
                 let what = format!("frame {frame} is given on line {before} already; each frame has one row");
@@ -105,22 +82,6 @@ impl Reference {
         let range = if first <= last { Some(self.truth.range(first..=last)) } else { None };
         range.into_iter().flatten().map(|(frame, _)| *frame)
     }
-}
-
-/// Comma, semicolon or tab, whichever the first line that says something has most of.
-pub(crate) fn delimiter(text: &str) -> u8 {
-    let header = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
-    let count = |c: u8| header.bytes().filter(|b| *b == c).count();
-    // Of equals, the last would win: the comma is the last.
-    [b'\t', b';', b','].into_iter().max_by_key(|c| count(*c)).unwrap_or(b',')
-}
-
-/// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the row.
-pub(crate) fn line_of(row: &StringRecord, text: &str) -> u64 {
-    let Some(position) = row.position() else { return 0 };
-    let rest = text.get(position.byte() as usize..).unwrap_or_default();
-    let skipped = &rest[..rest.len() - rest.trim_start_matches(['\r', '\n']).len()];
-    position.line() + skipped.matches('\n').count() as u64
 }
 
 /// Frame number, and the motion where the row has one.

@@ -10,8 +10,8 @@ use csv::StringRecord;
 
 use super::track::Track;
 use crate::ReportError;
-use crate::columns::Columns;
-use crate::reference::{delimiter, line_of, plain_name};
+use crate::columns::{self, Columns};
+use crate::reference::plain_name;
 
 /// Fewest rows that can be aligned.
 const FEWEST_ROWS: usize = 10;
@@ -58,11 +58,7 @@ impl Recorder {
     ///
     /// Where it cannot be read, or is not as described above: with its line and column.
     pub fn read(path: &Path) -> Result<Self, ReportError> {
-        let name = path.display().to_string();
-        match std::fs::read(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(why) => Err(ReportError::ReadReference { name, why }),
-        }
+        columns::read_file(path, Self::parse)
     }
 
     /// Reads the text of a CSV file; `name` is what messages call it.
@@ -71,28 +67,12 @@ impl Recorder {
     ///
     /// As [`Recorder::read`].
     pub fn parse(text: &[u8], name: &str) -> Result<Self, ReportError> {
-        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-        let text = String::from_utf8_lossy(text);
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(delimiter(&text))
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        let mut rows = reader.records();
-        let read = |row: Result<StringRecord, csv::Error>| {
-            row.map_err(|e| ReportError::ReadReference { name: name.to_owned(), why: e.into() })
-        };
-        let Some(header) = rows.next() else {
-            return Err(ReportError::EmptyReference { name: name.to_owned() });
-        };
-        let columns = Columns::find(&read(header)?, &TIMES.map(|(name, _)| name.to_owned()), name)?;
+        let times = TIMES.map(|(name, _)| name.to_owned());
+        let (columns, rows) = columns::table(text, &times, name)?;
         let mut first = None;
         let mut before = None;
         let mut kept = Vec::new();
-        for row in rows {
-            let row = read(row)?;
-            let line = line_of(&row, &text);
+        for (line, row) in rows {
             let (nanoseconds, values) = read_row(&columns, &row, line, name)?;
             if before.is_some_and(|before| nanoseconds <= before) {
                 let what = "the time is not after that of the row before; expected are times that rise";
