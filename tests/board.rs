@@ -245,11 +245,11 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
     };
     let woken = told("frame complete to loop", &said.latency.wake_up);
     let handed = told("exposure to line", &said.latency.exposure_to_line);
-    // Not those of the last second, which no health record tells any more, with half a second until the loop is told.
-    let least = said.poses.len() - 2 * RATE_HZ as usize;
     // The loop-back device does not say by which clock it notes its times.
-    let all = if said.has("clock is not monotonic") { 0..=0 } else { least..=said.poses.len() };
-    assert!(all.contains(&woken), "{woken} frames of {}", said.poses.len());
+    let all = if said.has("clock is not monotonic") { 0 } else { said.poses.len() };
+    assert_eq!(woken, all);
+    // The link tells the loop every half second what it has handed over.
+    let least = said.poses.len() - RATE_HZ as usize;
     assert!((least..=said.poses.len()).contains(&handed), "{handed} poses of {}", said.poses.len());
     // A machine that does many other things may lose some; most of the ride must be there to prove anything.
     assert!(measured * 10 >= show.ride.frames.len() * 8, "{measured} frames of the ride");
@@ -524,8 +524,10 @@ fn a_control_that_the_driver_refuses_is_told_and_a_camera_with_a_clock_shows_how
     let said = Said::of(&std::fs::read(board.uart()).expect("records"));
     let (frames, woken) = (said.poses.len(), said.latency.wake_up.total() as usize);
     println!("{woken} of {frames} frames: {:?}", said.latency.wake_up);
-    assert!(frames >= 4 * RATE_HZ as usize, "{frames}");
-    assert_eq!(woken, frames, "the last record at the end tells those of the last second");
+    assert!(frames >= 2 * RATE_HZ as usize, "{frames}");
+    // The module notes the end of a frame ahead of it: a time to come is none of the monotonic clock's, and is told.
+    let is_told = said.has("clock is not monotonic");
+    assert!(woken == frames || (woken < frames && is_told), "{woken} of {frames}, {:?}", said.events);
 }
 
 #[test]
