@@ -494,45 +494,33 @@ fn add_products<const FROM: usize, const TO: usize, const N: usize>(
 
 /// Solves the normal equations by Cholesky's method without square roots.
 fn solve(sums: &[f64; EVEN_SUMS]) -> Option<[f64; EVEN]> {
-    let mut matrix = [[0.0; EVEN]; EVEN];
-    let mut right = [0.0; EVEN];
+    // Rows of the upper triangle, each with its right-hand side behind it.
+    let mut rows = [[0.0; EVEN + 1]; EVEN];
     let mut next = sums.iter();
     for k in 0..EVEN {
-        for j in k..EVEN {
-            matrix[k][j] = *next.next()?;
+        for j in k..=EVEN {
+            rows[k][j] = *next.next()?;
         }
-        right[k] = *next.next()?;
+        rows[k][k] *= 1.0 + RIDGE;
     }
-    let mut lower = [[0.0; EVEN]; EVEN];
-    let mut pivots = [0.0; EVEN];
+    let mut per_pivot = [0.0; EVEN];
     for k in 0..EVEN {
-        let mut pivot = matrix[k][k] * (1.0 + RIDGE);
-        for i in 0..k {
-            pivot -= lower[k][i] * lower[k][i] * pivots[i];
-        }
         // NaN fails the comparison.
-        if !(pivot > 0.0 && pivot < f64::INFINITY) {
+        if !(rows[k][k] > 0.0 && rows[k][k] < f64::INFINITY) {
             return None;
         }
-        pivots[k] = pivot;
-        for row in k + 1..EVEN {
-            let mut sum = matrix[k][row];
-            for i in 0..k {
-                sum -= lower[row][i] * lower[k][i] * pivots[i];
-            }
-            lower[row][k] = sum / pivot;
-        }
-    }
-    for k in 0..EVEN {
-        for i in 0..k {
-            right[k] -= lower[k][i] * right[i];
-        }
-    }
-    for k in (0..EVEN).rev() {
-        right[k] /= pivots[k];
+        per_pivot[k] = 1.0 / rows[k][k];
         for i in k + 1..EVEN {
-            right[k] -= lower[i][k] * right[i];
+            let share = rows[k][i] * per_pivot[k];
+            for j in i..=EVEN {
+                rows[i][j] -= share * rows[k][j];
+            }
         }
     }
-    Some(right)
+    let mut solution = [0.0; EVEN];
+    for k in (0..EVEN).rev() {
+        let known = (k + 1..EVEN).fold(rows[k][EVEN], |sum, i| sum - rows[k][i] * solution[i]);
+        solution[k] = known * per_pivot[k];
+    }
+    Some(solution)
 }
