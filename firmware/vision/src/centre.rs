@@ -34,8 +34,11 @@ const FITTED: f64 = 2.5;
 const NO_LONGER_WHITE: f64 = 0.02;
 const LEAKS_FROM_PX: f64 = 12.0;
 
-/// Rows through a ring that make its profile; of a small ring it is every second one.
+/// Rows through a ring that make its profile; of a small ring it is every third one. What clipped white leaves of the
+/// edges needs all of them.
 const PROFILE_ROWS: f64 = 8.0;
+const LEAST_EVERY: usize = 3;
+const CLIPPED_EVERY: usize = 1;
 
 /// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.
 const CLIPPED: f64 = 0.01;
@@ -184,13 +187,8 @@ fn start(
     full: f64,
 ) -> Result<Start, Refusal> {
     let Workspace { patch, profile } = workspace;
-    let end = model.radial.outer + MARGIN;
-    let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(2);
-    patch.clear(rect);
-    let rows = patch.take(frame, model.centre, model.shape, &Belt::whole(end), every);
-    profile.clear(end);
-    Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, rows, profile);
-    profile.close();
+    let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(LEAST_EVERY);
+    collect(frame, patch, profile, (rect, every), model);
     let (black, white) = profile.extremes(model.radial.outer + FITTED).ok_or(Refusal::Outline)?;
     (model.radial.white, model.radial.contrast) = (white, white - black);
     let clipped = white > (1.0 - CLIPPED) * full;
@@ -200,6 +198,7 @@ fn start(
         if black > MAX_BLACK * full {
             return Err(Refusal::Saturated);
         }
+        collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
         model.radial.white = CLIPPED_WHITE * full;
         model.radial.contrast = model.radial.white - black;
     }
@@ -240,6 +239,22 @@ fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white
     patch.clear(rect);
     let parts = [outer, inner].map(|belt| patch.take(frame, model.centre, model.shape, &belt, 1));
     Belts { parts, overlap: radial.outer - radial.inner < radial.half_width() + width }
+}
+
+/// Makes the profile of every so many rows.
+fn collect(
+    frame: &Frame,
+    patch: &mut Patch,
+    profile: &mut Profile,
+    (rect, every): (Rect, usize),
+    model: &Model,
+) {
+    let end = model.radial.outer + MARGIN;
+    patch.clear(rect);
+    let rows = patch.take(frame, model.centre, model.shape, &Belt::whole(end), every);
+    profile.clear(end);
+    Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, rows, profile);
+    profile.close();
 }
 
 /// What the last pass found.
