@@ -3,19 +3,25 @@
 
 use gangway_device::Frame;
 use gangway_pose::{Assigner, Pose, Progress, Sighting, View};
-use gangway_vision::{Acquisition, MAX_SIGHTINGS, Search};
+use gangway_vision::{Acquisition, MAX_SIGHTINGS, Part, Search};
 use heapless::Vec;
 
 use crate::windows::Sight;
 
-/// Work of a frame that nothing is known in: about twice the time that tracking 28 rings of 16 to 19 px takes. A picture of
-/// 1920 x 1080 takes two or three such slices, by the size of its rings, and one more to be assigned.
-const WORK_A_FRAME: u32 = 2_900_000;
+/// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
+pub(crate) const WORK_A_RING: u32 = 64_000;
+/// Tracking of 28 rings.
+const TRACKING: u32 = 28 * WORK_A_RING;
+
+/// Work of a frame that nothing is known in. A picture of 1920 x 1080 takes two to four such slices, by the size of its
+/// rings, and one more to be assigned.
+const WORK_A_FRAME: u32 = TRACKING * 14 / 10;
 /// Of that goes into windows that were looked into and showed too little, or that are still to be looked into.
-const WORK_OF_WINDOWS: u32 = 1_500_000;
-/// Work beside windows that show something, but are in doubt: rings beside them contradict them only in one and the same
-/// picture, so that all of it is swept at once, if its rings are 16 px or more.
-const WORK_IN_DOUBT: u32 = 5_500_000;
+const WORK_OF_WINDOWS: u32 = TRACKING * 7 / 10;
+/// Work beside windows that show something, but are in doubt: of the look around them and the search together ...
+const WORK_IN_DOUBT: u32 = TRACKING * 7 / 10;
+/// ... and of the search in any case, so that it goes on.
+const WORK_AT_LEAST: u32 = TRACKING / 10;
 
 /// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
 /// takes half as long, and one for all, in turn.
@@ -25,6 +31,8 @@ const UNKNOWN_PX: [f64; 2] = [20.0, 9.0];
 const TAKEN: f64 = 0.6;
 /// Rings of a size within this factor of a circle's could be it.
 pub(crate) const SIZE: f64 = 1.4;
+/// Rings within so many times half the way from a circle to its nearest neighbour are of its target.
+pub(crate) const NEIGHBOURHOOD: f64 = 3.0;
 
 /// What a frame's windows came to, before the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +48,11 @@ pub(crate) enum Windows {
 /// The search with its working memory.
 pub(crate) struct Acquirer {
     acquisition: Acquisition,
+    /// The rings around the windows of this picture.
+    around: Vec<Sighting, MAX_SIGHTINGS>,
+    /// Work that this frame has left for the search, if it was begun with the look around, and all that it took.
+    left: Option<u32>,
+    spent: u32,
     /// The rings of the last sweep that are not known to be of the other carbody.
     sightings: Vec<Sighting, MAX_SIGHTINGS>,
     assigner: Assigner,
@@ -48,8 +61,6 @@ pub(crate) struct Acquirer {
     sweeps: usize,
     /// The picture is swept; the rings are being assigned.
     assigning: bool,
-    /// The last sweep was of one picture, the last that was searched.
-    fresh: bool,
     /// What was found, to be told in the next frame: its windows would have been too much for the last one.
     answer: Option<Progress>,
 }
@@ -65,12 +76,14 @@ impl Acquirer {
         let has_discs = all().any(|ratio| !ratio.is_finite());
         Self {
             acquisition: if has_discs { acquisition.with_discs() } else { acquisition },
+            around: Vec::new(),
+            left: None,
+            spent: 0,
             sightings: Vec::new(),
             assigner: Assigner::new(sight.circles),
             is_expected: false,
             sweeps: 0,
             assigning: false,
-            fresh: false,
             answer: None,
         }
     }
@@ -103,26 +116,43 @@ impl Acquirer {
         others: &[Search],
         is_plausible: &dyn Fn(&Pose) -> bool,
     ) -> Progress {
-        self.fresh = false;
         if let Some(answer) = self.answer.take() {
             return answer;
         }
         let whole = match windows {
             Windows::None => WORK_A_FRAME,
             Windows::Empty => WORK_A_FRAME - WORK_OF_WINDOWS,
-            Windows::InDoubt => WORK_IN_DOUBT,
+            Windows::InDoubt => self.left.take().unwrap_or(WORK_IN_DOUBT).max(WORK_AT_LEAST),
         };
         let mut work = whole;
+        let progress = self.go_on(frame, sight, others, is_plausible, &mut work);
+        self.spent += whole - work;
+        // What is found is looked into at once if that is not too much for one frame.
+        if matches!(progress, Progress::Assigned(_)) && work < WORK_OF_WINDOWS {
+            self.answer = Some(progress);
+            return Progress::Going;
+        }
+        progress
+    }
+
+    /// Sweeps on, then assigns what was seen.
+    fn go_on(
+        &mut self,
+        frame: &Frame<'_>,
+        sight: &Sight<'_>,
+        others: &[Search],
+        is_plausible: &dyn Fn(&Pose) -> bool,
+        work: &mut u32,
+    ) -> Progress {
         if !self.assigning {
             let begins = !self.acquisition.is_going();
             if begins && !self.is_expected {
                 self.acquisition.expect(UNKNOWN_PX[self.sweeps % UNKNOWN_PX.len()]);
             }
             self.sweeps = self.sweeps.wrapping_add(usize::from(begins));
-            if !self.acquisition.advance(frame, &mut work) {
+            if !self.acquisition.advance(frame, work) {
                 return Progress::Going;
             }
-            self.fresh = begins;
             self.sightings.clear();
             let free = self.acquisition.sightings().iter().filter(|ring| !is_taken(ring, others));
             // As many as there were, at most.
@@ -136,25 +166,58 @@ impl Acquirer {
             picture: sight.settings.picture,
             is_plausible,
         };
-        let progress = self.assigner.advance(&view, &mut work);
+        let progress = self.assigner.advance(&view, work);
         self.assigning = progress == Progress::Going;
-        // What is found is looked into at once if that is not too much for one frame.
-        if matches!(progress, Progress::Assigned(_)) && work < WORK_OF_WINDOWS {
-            self.answer = Some(progress);
-            return Progress::Going;
-        }
         progress
+    }
+
+    /// Looks for all rings around these windows, in this picture: those that are not of the other carbody. `None` if that
+    /// would be too much for one frame.
+    pub(crate) fn look_around(
+        &mut self,
+        frame: &Frame<'_>,
+        searches: &[Search],
+        others: &[Search],
+    ) -> Option<&[Sighting]> {
+        self.around.clear();
+        let mut work = WORK_IN_DOUBT;
+        let mut is_whole = true;
+        for target in searches.chunk_by(|a, b| a.target == b.target) {
+            let Some(part) = part_around(target, (frame.width(), frame.height())) else { continue };
+            is_whole &= self.acquisition.look_in(frame, &part, &mut self.around, &mut work);
+        }
+        self.around.retain(|ring| !is_taken(ring, others));
+        self.spent += WORK_IN_DOUBT - work;
+        self.left = Some(work);
+        is_whole.then_some(&self.around)
+    }
+
+    /// Work since this was asked last.
+    pub(crate) fn take_spent(&mut self) -> u32 {
+        core::mem::take(&mut self.spent)
     }
 
     /// The rings of the last sweep.
     pub(crate) fn sightings(&self) -> &[Sighting] {
         &self.sightings
     }
+}
 
-    /// Whether they were all seen in the picture of the last slice.
-    pub(crate) fn is_fresh(&self) -> bool {
-        self.fresh
+/// The part of a picture in which rings would be taken for circles of this target or for what contradicts them.
+fn part_around(target: &[Search], (width, height): (u16, u16)) -> Option<Part> {
+    let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for search in target {
+        // Circles that show nowhere are no numbers, and leave the bounds as they are.
+        let margin = NEIGHBOURHOOD * search.reach_px + search.diameter_px();
+        for (bounds, at) in bounds.iter_mut().zip(search.at) {
+            *bounds = [bounds[0].min(at - margin), bounds[1].max(at + margin)];
+        }
     }
+    // The casts saturate.
+    let [columns, rows] = bounds.map(|[low, high]| low as u16..libm::ceil(high) as u16);
+    let part =
+        Part { columns: columns.start..columns.end.min(width), rows: rows.start..rows.end.min(height) };
+    (!part.columns.is_empty() && !part.rows.is_empty()).then_some(part)
 }
 
 /// Whether a ring shows where one of these windows looks for one of its size.

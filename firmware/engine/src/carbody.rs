@@ -3,7 +3,7 @@
 
 use gangway_device::Frame;
 use gangway_pose::{
-    Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
+    Assigned, Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
     VarianceComponent, solve_in_motion,
 };
 use gangway_vision::{Refusal, Ring, Search, Tracker};
@@ -152,6 +152,11 @@ impl Carbody {
         self.keeper.has_searched()
     }
 
+    /// Work of the search since this was asked last.
+    pub(crate) fn take_spent(&mut self) -> u32 {
+        self.keeper.take_spent()
+    }
+
     /// The last pose, if there was one.
     pub(crate) fn last(&self) -> Option<Pose> {
         self.predictor.last()
@@ -252,7 +257,10 @@ impl Carbody {
         let mut found = match self.keeper.judge(frame, &question) {
             Verdict::Keep => solution,
             Verdict::Refuse => solution.and(Err(PoseError::NoConsensus)),
-            Verdict::Try(pose) => self.look_from(frame, tracker, means, &pose, solution),
+            Verdict::Try { found, instead } => {
+                let first = if instead { solution.and(Err(PoseError::NoConsensus)) } else { solution };
+                self.look_from(frame, tracker, means, &found, first)
+            }
         };
         self.choose_side(frame.number(), &mut found);
         if let Ok(pose) = found.map(|solution| solution.pose) {
@@ -296,20 +304,21 @@ impl Carbody {
         solution
     }
 
-    /// The better of `first` and of what the windows of a pose show.
+    /// The better of `first` and of what the windows of a pose show that was found in the picture.
     fn look_from(
         &mut self,
         frame: &Frame<'_>,
         tracker: &mut Tracker,
         means: &Means<'_>,
-        pose: &Pose,
+        found: &Assigned,
         first: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
         let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
-        windows::searches(&sight(means, &self.circles, &self.seeds), pose, false, &mut self.searches);
+        windows::searches(&sight(means, &self.circles, &self.seeds), &found.pose, false, &mut self.searches);
         self.look(frame, tracker, means);
-        let other = self.solve(frame, means, pose);
-        if used(&other) > used(&first) {
+        let other = self.solve(frame, means, &found.pose);
+        // It was found in the frames before: where the train has moved on since, windows may show less, and something else.
+        if used(&other) > used(&first) && keep::is_trusted(used(&other), found.found) {
             return other;
         }
         (self.outcomes, self.searches) = (outcomes, searches);

@@ -7,6 +7,7 @@ use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 
 use nalgebra::Vector3;
 
+use crate::acquire::WORK_A_RING;
 use crate::announce::Announcer;
 use crate::carbody::{Carbody, Means};
 use crate::expose::Exposer;
@@ -225,6 +226,14 @@ impl Engine {
     /// Records lost to a full outbox since start.
     pub fn records_lost(&self) -> u32 {
         self.recorder.lost()
+    }
+
+    /// Work of the frames since this was asked last, in instructions that tracking takes: windows looked into, as rings of 16 to
+    /// 19 px, and the search. An upper bound of what depends on the picture.
+    pub fn take_work(&mut self) -> u32 {
+        let windows = self.tracker.take_looks().saturating_mul(WORK_A_RING);
+        let own = self.own.as_mut().map_or(0, Own::take_spent);
+        windows.saturating_add(self.carbody.take_spent()).saturating_add(own)
     }
 
     /// Where the last frame was looked at, and what was seen there: for pictures of what the loop does.

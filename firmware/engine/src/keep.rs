@@ -7,11 +7,11 @@
 //! picture shows counts, or what contradicts nothing in it.
 
 use gangway_device::Frame;
-use gangway_pose::{Pose, PoseError, Progress, Sighting, Solution, angles, project_circle};
+use gangway_pose::{Assigned, Pose, PoseError, Progress, Sighting, Solution, angles, project_circle};
 use gangway_vision::Search;
 
 use crate::Settings;
-use crate::acquire::{Acquirer, SIZE, Windows};
+use crate::acquire::{Acquirer, NEIGHBOURHOOD, SIZE, Windows};
 use crate::windows::Sight;
 
 /// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a 7-CCC
@@ -29,8 +29,6 @@ const LEAST_CONFIRMING: u32 = 6;
 /// A ring is explained by a circle that shows within this share of the way to its nearest neighbour's middle: in the
 /// picture that was swept, and in a later one, where it may have moved on.
 const EXPLAINED: [f64; 2] = [0.2, 0.8];
-/// Rings within so many times half the way from a circle to its nearest neighbour are of its target.
-const NEIGHBOURHOOD: f64 = 3.0;
 /// The smallest ring may have become smaller to this share.
 const SMALLER: f64 = 0.9;
 /// A pose beyond this many times the limits of the motion, from rest, is not plausible.
@@ -53,8 +51,8 @@ pub(crate) enum Verdict {
     Keep,
     /// It is not taken.
     Refuse,
-    /// The windows of this pose are to be looked into as well.
-    Try(Pose),
+    /// The windows of this pose are to be looked into as well, or `instead` of what was.
+    Try { found: Assigned, instead: bool },
 }
 
 /// What is to be judged: what the windows `searches` showed, if they were looked into.
@@ -129,80 +127,75 @@ impl Keeper {
 
     /// Judges what the windows showed; goes on with the search where that is not enough.
     pub(crate) fn judge(&mut self, frame: &Frame<'_>, question: &Question<'_>) -> Verdict {
-        let Question { sight, searches, solution, in_picture, .. } = *question;
         self.searched = false;
-        let used = solution.as_ref().map_or(0, |solution| solution.used.count_ones());
         let lost = matches!(self.hold, Hold::Lost { .. });
-        let nothing = Err(PoseError::NoConsensus);
-        let mut solution = solution;
-        if let Ok(solution) = solution {
-            if is_trusted(used, in_picture) {
+        if let Ok(own) = question.solution {
+            let used = own.used.count_ones();
+            let stands = is_trusted(used, question.in_picture)
+                || (!lost && self.waits(frame.number(), used))
+                || (lost && self.confirms(own, question));
+            if stands {
                 return Verdict::Keep;
             }
-            if !lost && self.waits(frame.number(), used) {
-                return Verdict::Keep;
-            }
-            if lost {
-                let confirms = used >= LEAST_CONFIRMING
-                    && !contradicts(
-                        self.acquirer.sightings(),
-                        &solution.pose,
-                        &sight,
-                        searches,
-                        EXPLAINED[1],
-                    );
-                if confirms {
-                    self.looks_back = false;
-                    return Verdict::Keep;
-                }
-            }
         }
-        if lost {
-            solution = &nothing;
-        }
-        if self.looks_back {
-            self.looks_back = false;
-            return Verdict::Refuse;
-        }
-        if !question.may_search {
+        if core::mem::replace(&mut self.looks_back, false) || !question.may_search {
             return Verdict::Refuse;
         }
         self.searched = true;
-        self.expect(searches);
-        let windows = match solution {
-            Ok(_) => Windows::InDoubt,
-            Err(_) if self.follows() => Windows::Empty,
-            Err(_) => Windows::None,
-        };
-        let progress = self.acquirer.slice(frame, &sight, windows, question.others, question.is_plausible);
-        match (progress, solution) {
-            (Progress::Assigned(found), Ok(own)) => {
-                self.settled = Some((frame.number(), used));
-                if agree(&found.pose, &own.pose, &sight, searches) {
-                    Verdict::Keep
-                } else {
-                    Verdict::Try(found.pose)
-                }
-            }
-            (Progress::Assigned(found), Err(_)) => Verdict::Try(found.pose),
-            (progress, Ok(own)) => {
-                let sightings = self.acquirer.sightings();
-                if self.acquirer.is_fresh()
-                    && contradicts(sightings, &own.pose, &sight, searches, EXPLAINED[0])
-                {
-                    return Verdict::Refuse;
-                }
-                if progress != Progress::Going {
-                    self.settled = Some((frame.number(), used));
-                }
+        self.expect(question.searches);
+        match question.solution {
+            Ok(own) if !lost => self.doubt(frame, question, own),
+            _ => self.search(frame, question),
+        }
+    }
+
+    /// Whether the place where the targets were last, once they are lost, is theirs: enough rings are there, and what the
+    /// last sweep showed does not contradict it.
+    fn confirms(&mut self, own: &Solution, question: &Question<'_>) -> bool {
+        let Question { sight, searches, .. } = question;
+        let rings = self.acquirer.sightings();
+        own.used.count_ones() >= LEAST_CONFIRMING
+            && !contradicts(rings, &own.pose, sight, searches, EXPLAINED[1])
+    }
+
+    /// A pose that misses much: it stands unless rings beside it contradict it, which is looked for at once, or the whole
+    /// picture shows a better one, which takes some frames.
+    fn doubt(&mut self, frame: &Frame<'_>, question: &Question<'_>, own: &Solution) -> Verdict {
+        let Question { sight, searches, others, .. } = *question;
+        let around = self.acquirer.look_around(frame, searches, others);
+        let stands =
+            around.is_some_and(|rings| !contradicts(rings, &own.pose, &sight, searches, EXPLAINED[0]));
+        let progress = self.acquirer.slice(frame, &sight, Windows::InDoubt, others, question.is_plausible);
+        if progress != Progress::Going {
+            self.settled = Some((frame.number(), own.used.count_ones()));
+        }
+        match progress {
+            Progress::Assigned(found) if stands && agree(&found.pose, &own.pose, &sight, searches) => {
                 Verdict::Keep
             }
-            (progress, Err(_)) => {
+            Progress::Assigned(found) => Verdict::Try { found, instead: !stands },
+            _ if stands => Verdict::Keep,
+            _ => Verdict::Refuse,
+        }
+    }
+
+    /// One slice of the search for what was lost.
+    fn search(&mut self, frame: &Frame<'_>, question: &Question<'_>) -> Verdict {
+        let windows = if self.follows() { Windows::Empty } else { Windows::None };
+        let Question { sight, others, is_plausible, .. } = *question;
+        match self.acquirer.slice(frame, &sight, windows, others, is_plausible) {
+            Progress::Assigned(found) => Verdict::Try { found, instead: true },
+            progress => {
                 let sought = progress != Progress::Going && self.hold == Hold::Lost { once: true };
                 self.looks_back = sought && !self.fixed;
                 Verdict::Refuse
             }
         }
+    }
+
+    /// Work of the search since this was asked last.
+    pub(crate) fn take_spent(&mut self) -> u32 {
+        self.acquirer.take_spent()
     }
 
     /// Takes note of how the frame ended.

@@ -45,6 +45,11 @@ impl Own {
         &self.carbody
     }
 
+    /// Work of the search since this was asked last.
+    pub(crate) fn take_spent(&mut self) -> u32 {
+        self.carbody.take_spent()
+    }
+
     /// Looks for CB_01. It is searched for only while CB_02, before which it stands, is known; the two are about aligned.
     /// Gives what the mount has to tell, and takes the windows of `other` along with the camera.
     pub(crate) fn measure(

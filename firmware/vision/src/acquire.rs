@@ -6,6 +6,8 @@ mod disc;
 mod probe;
 mod row;
 
+use core::ops::Range;
+
 use gangway_device::Frame;
 use gangway_pose::Sighting;
 use heapless::Vec;
@@ -37,6 +39,15 @@ const WORK_FOUR_PIXELS: u32 = 16;
 const WORK_EDGE: u32 = 110;
 /// Of a look along the rays, by how far it came.
 const WORK_PROBE: [u32; 2] = [2_500, 7_000];
+
+/// A part of a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its columns.
+    pub columns: Range<u16>,
+    /// Its rows.
+    pub rows: Range<u16>,
+}
 
 /// The search of whole pictures with its working memory.
 pub struct Acquisition {
@@ -108,10 +119,31 @@ impl Acquisition {
             if *work == 0 {
                 return false;
             }
-            self.search(frame, y, work);
+            let looked_for = (&self.limits, self.ratios);
+            search(&mut self.row, frame, &(0..size.0), y, looked_for, &mut self.sightings, work);
             self.next = y.checked_add(self.step);
         }
         self.next = None;
+        true
+    }
+
+    /// Looks for rings in one part of the picture, all of it at once unless `work`, which it takes off, is not enough: then
+    /// false. A sweep that is going on is left alone.
+    pub fn look_in(
+        &mut self,
+        frame: &Frame,
+        part: &Part,
+        into: &mut Vec<Sighting, MAX_SIGHTINGS>,
+        work: &mut u32,
+    ) -> bool {
+        let rows = part.rows.start..part.rows.end.min(frame.height());
+        for y in rows.step_by(usize::from(self.step)) {
+            if *work == 0 {
+                return false;
+            }
+            let (limits, ratios) = (&self.limits, self.ratios);
+            search(&mut self.row, frame, &part.columns, y, (limits, ratios), into, work);
+        }
         true
     }
 
@@ -119,32 +151,39 @@ impl Acquisition {
     pub fn sightings(&self) -> &[Sighting] {
         &self.sightings
     }
+}
 
-    /// Searches one row.
-    fn search(&mut self, frame: &Frame, y: u16, work: &mut u32) {
-        let (sightings, ratios) = (&mut self.sightings, self.ratios);
-        let mut spent = u32::from(frame.width()) / 4 * WORK_FOUR_PIXELS;
-        let edges = self.row.patterns(frame, y, &self.limits, |pattern| {
-            let at = [f64::from(pattern.middle), f64::from(y)];
-            if sightings.is_full() || sightings.iter().any(|known| is_within(at, known)) {
-                return;
-            }
-            let found = match pattern.shape {
-                Shape::Ring => probe::ring(frame, &pattern, y, ratios),
-                Shape::Disc => disc::disc(frame, &pattern, y, ratios[0].is_finite()),
-            };
-            spent += WORK_PROBE[usize::from(found.is_some())];
-            let least = if pattern.shape == Shape::Disc { disc::LEAST_PX } else { DIAMETERS_PX[0] };
-            let fits = |ring: &Sighting| (least..=DIAMETERS_PX[1]).contains(&ring.diameter_px());
-            if let Some(ring) = found.filter(fits)
-                && !sightings.iter().any(|known| is_within(ring.at, known))
-            {
-                // Asked above whether it is full.
-                let _ = sightings.push(ring);
-            }
-        });
-        *work = work.saturating_sub(spent + WORK_EDGE * edges);
-    }
+/// Searches these columns of one row, for rings of these limits and ratios that are not known yet.
+fn search(
+    row: &mut Row,
+    frame: &Frame,
+    columns: &Range<u16>,
+    y: u16,
+    (limits, ratios): (&Limits, [f64; 2]),
+    sightings: &mut Vec<Sighting, MAX_SIGHTINGS>,
+    work: &mut u32,
+) {
+    let mut spent = columns.len() as u32 / 4 * WORK_FOUR_PIXELS;
+    let edges = row.patterns(frame, columns, y, limits, |pattern| {
+        let at = [f64::from(pattern.middle), f64::from(y)];
+        if sightings.is_full() || sightings.iter().any(|known| is_within(at, known)) {
+            return;
+        }
+        let found = match pattern.shape {
+            Shape::Ring => probe::ring(frame, &pattern, y, ratios),
+            Shape::Disc => disc::disc(frame, &pattern, y, ratios[0].is_finite()),
+        };
+        spent += WORK_PROBE[usize::from(found.is_some())];
+        let least = if pattern.shape == Shape::Disc { disc::LEAST_PX } else { DIAMETERS_PX[0] };
+        let fits = |ring: &Sighting| (least..=DIAMETERS_PX[1]).contains(&ring.diameter_px());
+        if let Some(ring) = found.filter(fits)
+            && !sightings.iter().any(|known| is_within(ring.at, known))
+        {
+            // Asked above whether it is full.
+            let _ = sightings.push(ring);
+        }
+    });
+    *work = work.saturating_sub(spent + WORK_EDGE * edges);
 }
 
 /// Whether a place is in the middle of a ring already known.

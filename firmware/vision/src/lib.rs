@@ -32,7 +32,7 @@ mod threshold;
 mod tracker;
 mod window;
 
-pub use acquire::{Acquisition, MAX_SIGHTINGS};
+pub use acquire::{Acquisition, MAX_SIGHTINGS, Part};
 pub use loader::level;
 pub use refusal::Refusal;
 pub use search::{Ring, Search};

@@ -221,9 +221,9 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Takes the top 8 bits of row `y` from its first column on, as many samples as `into` has.
-pub(crate) fn load_top(frame: &Frame, y: u16, into: &mut [u8]) {
-    top_bits(frame, (0, y), 1, into);
+/// Takes the top 8 bits of row `y` from column `x` on, as many samples as `into` has.
+pub(crate) fn load_top(frame: &Frame, (x, y): (u16, u16), into: &mut [u8]) {
+    top_bits(frame, (x, y), 1, into);
 }
 
 /// The top 8 bits of one sample; `None` outside the picture.

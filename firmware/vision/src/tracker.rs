@@ -32,6 +32,7 @@ pub struct Tracker {
     components: Components,
     workspace: Workspace,
     dark: Dark,
+    looks: u32,
 }
 
 impl Tracker {
@@ -44,12 +45,18 @@ impl Tracker {
             components: Components::new(),
             workspace: Workspace::new(),
             dark: Dark::new(),
+            looks: 0,
         }
     }
 
     /// The settings it was made with.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Windows that were looked into since this was asked last.
+    pub fn take_looks(&mut self) -> u32 {
+        core::mem::take(&mut self.looks)
     }
 
     /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Only the first `MAX_CIRCLES` searches
@@ -145,6 +152,7 @@ impl Tracker {
 
     /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
     fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<(Ring, Light), Miss> {
+        self.looks = self.looks.saturating_add(1);
         if search.is_disc() {
             return self.look_at_disc(frame, search, at);
         }

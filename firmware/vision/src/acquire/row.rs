@@ -1,5 +1,7 @@
 //! One row of the picture, black and white by a threshold of its surroundings, and where it runs as through a ring.
 
+use core::ops::Range;
+
 use gangway_device::Frame;
 
 use crate::acquire::DIAMETERS_PX;
@@ -68,20 +70,23 @@ impl Row {
         Self { samples: [0; MAX_WIDTH], extremes: [(0, 0); BLOCKS + 1] }
     }
 
-    /// Calls `found` with every run black, white, black that could be a ring's; gives the number of changes between
-    /// black and white. Pixels beyond the longest row are not looked at.
+    /// Calls `found` with every run black, white, black in these columns of row `y` that could be a ring's; gives the number
+    /// of changes between black and white. Pixels beyond the longest row are not looked at.
     pub(crate) fn patterns(
         &mut self,
         frame: &Frame,
+        columns: &Range<u16>,
         y: u16,
         limits: &Limits,
         mut found: impl FnMut(Pattern),
     ) -> u32 {
         let least = limits.contrast;
-        let width = usize::from(frame.width()).min(MAX_WIDTH);
+        let first = columns.start;
+        let width = usize::from(columns.end.min(frame.width()).saturating_sub(first)).min(MAX_WIDTH);
+        let mut found = |pattern: Pattern| found(Pattern { middle: first + pattern.middle, ..pattern });
         let blocks = width.div_ceil(BLOCK);
         let Some(line) = self.samples.get_mut(..width) else { return 0 };
-        loader::load_top(frame, y, line);
+        loader::load_top(frame, (first, y), line);
         let last = line.last().copied().unwrap_or(0);
         if let Some(beyond) = self.samples.get_mut(width..blocks.next_multiple_of(BLOCKS_A_WORD) * BLOCK) {
             beyond.fill(last);

@@ -154,3 +154,18 @@ fn faint_rings_are_found_and_fainter_than_the_settings_allow_are_not() {
         assert_eq!(swept(&picture, Layout::GREY).len(), expected, "black {black}");
     }
 }
+
+#[test]
+fn a_part_of_a_picture_shows_its_own_rings_and_leaves_the_sweep_alone() {
+    let (picture, centres) = rings(&[16.0, 20.0, 26.0], &mut Random::new(5));
+    let bytes = picture.bytes(Layout::GREY);
+    let frame = picture.frame(&bytes, Layout::GREY);
+    let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]));
+    let (mut found, mut work) = (heapless::Vec::new(), u32::MAX);
+    let part = Part { columns: 96..192, rows: 20..500 };
+    assert!(acquisition.look_in(&frame, &part, &mut found, &mut work));
+    let [ring] = &found[..] else { panic!("{found:?}") };
+    assert!((ring.at[0] - centres[1][0]).hypot(ring.at[1] - centres[1][1]) < 0.25, "{ring:?}");
+    assert!(!acquisition.is_going() && acquisition.sightings().is_empty());
+    assert!(!acquisition.look_in(&frame, &part, &mut found, &mut 0), "no work, no answer");
+}

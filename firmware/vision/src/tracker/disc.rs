@@ -48,7 +48,7 @@ impl Tracker {
         search: &Search,
         at: [f64; 2],
     ) -> Result<(Ring, Light), Miss> {
-        let Self { settings, plane, bits, components, workspace, dark } = self;
+        let Self { settings, plane, bits, components, workspace, dark, .. } = self;
         let mut look = Look { settings, plane, bits, components, workspace };
         let mut further = [0.0; 2];
         let mut answer = None;
