@@ -49,3 +49,12 @@ fn rings_that_move_by_one_and_a_half_diameters_from_frame_to_frame_are_kept() {
     );
     assert!(outcome.most_sigmas < 6.0, "{} standard deviations off", outcome.most_sigmas);
 }
+
+#[test]
+fn the_slowest_frame_while_everything_is_lost_is_at_most_three_times_the_work_of_tracking() {
+    // 28 rings in pictures of 1920 x 1080: not found yet, in darkness, behind a person, in doubt.
+    let outcome = play(&Keeping::named("bound"), 100);
+    assert_eq!(outcome.wrong, 0);
+    assert!(outcome.most_work() <= 3.0, "{} times the median frame", outcome.most_work());
+    assert!(outcome.longest <= FOUND_WITHIN, "{} frames to be found again", outcome.longest);
+}

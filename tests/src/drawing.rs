@@ -21,7 +21,8 @@ const BLUE: [u8; 3] = [70, 150, 255];
 pub fn draw(keeping: &Keeping, seed: u64, frame: usize, into: &Path) -> std::io::Result<()> {
     let scene = keeping.scene(seed);
     let scene = scene.with_frames(frame as u32 + 1);
-    let ride = Ride::of(&scene);
+    let mut ride = Ride::of(&scene);
+    ride.settings.lamps = keeping.lamps;
     let mut frame_loop = ride.start();
     for number in 0..=frame {
         frame_loop.step(number, number as u32, |_| {});

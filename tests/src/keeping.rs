@@ -16,6 +16,8 @@ const WRONG_PX: f64 = 5.0;
 const HALF_PX: f64 = 16.0;
 /// The tracker's least contrast, 8 grey levels, with room for noise.
 const CONTRAST: u8 = 14;
+/// What is as bright as this is clipped by sun or lamp: such a ring is rightly refused.
+const CLIPPED: u8 = 250;
 
 /// A frame that shows best what goes wrong in a scene, if anything does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +45,8 @@ pub struct Outcome {
     pub wrong: usize,
     /// Most frames on end with enough rings free and no pose.
     pub longest: usize,
+    /// Most frames on end with a pose in which one and the same free ring was missing.
+    pub ring_longest: usize,
     /// Largest error of an unmarked displacement, mm, with its standard deviation.
     pub off_mm: [f64; 2],
     /// Largest error of an unmarked rotation, degrees, with its standard deviation.
@@ -51,6 +55,8 @@ pub struct Outcome {
     pub most_sigmas: f64,
     /// Processor time of each frame, us.
     pub cost_us: Vec<f64>,
+    /// Counted work of each frame.
+    pub work: Vec<u32>,
     /// The frame to look at.
     pub worst: Worst,
 }
@@ -64,6 +70,7 @@ impl Outcome {
         self.marked += other.marked;
         self.wrong += other.wrong;
         self.longest = self.longest.max(other.longest);
+        self.ring_longest = self.ring_longest.max(other.ring_longest);
         for (most, new) in [(&mut self.off_mm, other.off_mm), (&mut self.off_deg, other.off_deg)] {
             if new[0] > most[0] {
                 *most = new;
@@ -71,6 +78,7 @@ impl Outcome {
         }
         self.most_sigmas = self.most_sigmas.max(other.most_sigmas);
         self.cost_us.extend(other.cost_us);
+        self.work.extend(other.work);
         if other.worst.rank > self.worst.rank {
             self.worst = other.worst;
         }
@@ -81,6 +89,14 @@ impl Outcome {
         let mut sorted = self.cost_us.clone();
         sorted.sort_by(f64::total_cmp);
         [sorted.get(sorted.len() / 2), sorted.last()].map(|cost| cost.copied().unwrap_or(0.0))
+    }
+
+    /// Greatest counted work of a frame over that of the median frame: the same in every run.
+    pub fn most_work(&self) -> f64 {
+        let mut sorted = self.work.clone();
+        sorted.sort_unstable();
+        let [median, most] = [sorted.get(sorted.len() / 2), sorted.last()];
+        most.zip(median).map_or(0.0, |(most, median)| f64::from(*most) / f64::from(*median))
     }
 
     /// Compares a motion with the truth.
@@ -115,24 +131,29 @@ const PLAYS: usize = 3;
 /// Plays one seed of a scene.
 pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
     let scene = keeping.scene(seed);
-    let ride = Ride::of(&scene);
+    let mut ride = Ride::of(&scene);
+    ride.settings.lamps = keeping.lamps;
     let mut frame_loop: Loop<'_> = ride.start();
     let mut outcome = Outcome { frames: ride.frames.len(), ..Outcome::default() };
     let mut without = 0;
+    let mut missed = vec![0; ride.settings.circles.len()];
     let costs =
         (1..PLAYS).map(|_| costs(&ride)).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect());
     for frame in 0..ride.frames.len() {
         let centres: Vec<Option<[f64; 2]>> = scene.centres(frame as u32).into_iter().flatten().collect();
-        let free = count_free(&scene, &ride, frame, &centres);
+        let free = free_rings(&scene, &ride, frame, &centres);
         let (mut pose, mut wrong) = (None, 0);
+        let mut used = vec![false; centres.len()];
         let start = thread_us();
         frame_loop.step_without_reading(frame, frame as u32);
         let cost = thread_us() - start;
+        outcome.work.push(frame_loop.engine.take_work());
         outcome.cost_us.push(costs.as_ref().map_or(cost, |costs| cost.min(costs[frame])));
         frame_loop.read(|_, _, record| match record {
             Record::Pose(measured) => pose = Some(*measured),
             Record::Markers(markers) => {
                 for (circle, marker) in markers.iter().filter(|(circle, _)| markers.is_used(*circle)) {
+                    used[usize::from(circle)] = true;
                     let off = centres[usize::from(circle)].map_or(f64::INFINITY, |at| {
                         let [u, v] = marker.at_px.map(f64::from);
                         (u - at[0]).hypot(v - at[1])
@@ -145,8 +166,13 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         outcome.wrong += wrong;
         let has_pose = pose.is_some_and(|pose| pose.markers > 0);
         let sigmas = pose.map_or(0.0, |pose| outcome.judge(&pose, &ride, frame));
-        let missing = free >= ENOUGH && !has_pose;
-        if free >= ENOUGH {
+        for ((missed, free), used) in missed.iter_mut().zip(&free).zip(&used) {
+            *missed = if has_pose && *free && !used { *missed + 1 } else { 0 };
+            outcome.ring_longest = outcome.ring_longest.max(*missed);
+        }
+        let is_enough = free.iter().filter(|free| **free).count() >= ENOUGH;
+        let missing = is_enough && !has_pose;
+        if is_enough {
             outcome.enough += 1;
             outcome.poses += usize::from(has_pose);
         }
@@ -179,8 +205,8 @@ fn thread_us() -> f64 {
     time.tv_sec as f64 * 1e6 + time.tv_nsec as f64 * 1e-3
 }
 
-/// How many rings of the other carbody nothing covers and light shows.
-fn count_free(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 2]>]) -> usize {
+/// Which rings of the other carbody nothing covers and light shows.
+fn free_rings(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 2]>]) -> Vec<bool> {
     let (width, height) = (usize::from(ride.settings.picture.0), usize::from(ride.settings.picture.1));
     let is_free = |at: &[f64; 2]| {
         let [u, v] = *at;
@@ -198,8 +224,9 @@ fn count_free(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 
                 (least, most) = (least.min(sample), most.max(sample));
             }
         }
-        most - least > CONTRAST
+        most - least > CONTRAST && most < CLIPPED
     };
-    let other = centres.iter().enumerate().filter(|(circle, _)| ride.settings.own >> circle & 1 == 0);
-    other.filter_map(|(_, at)| at.as_ref()).filter(|at| is_free(at)).count()
+    let is_other = |circle: usize| ride.settings.own >> circle & 1 == 0;
+    let circles = centres.iter().enumerate();
+    circles.map(|(circle, at)| is_other(circle) && at.as_ref().is_some_and(is_free)).collect()
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gangway_engine::LampMode;
 use gangway_scene::Scene;
 use toml::{Table, Value};
 
@@ -12,6 +13,8 @@ pub struct Keeping {
     pub name: String,
     /// Whether the targets can be told from one another: else there is rightly no pose.
     pub can_be_told: bool,
+    /// How the box drives its lamps.
+    pub lamps: LampMode,
     whole: Table,
 }
 
@@ -22,7 +25,12 @@ impl Keeping {
         add(&mut whole, name);
         let expected = whole.remove("expect");
         let can_be_told = expected.is_none_or(|expected| expected.as_str() != Some("refused"));
-        Self { name: name.to_owned(), can_be_told, whole }
+        let lamps = match whole.remove("lamps").as_ref().and_then(Value::as_str) {
+            Some("off") => LampMode::Off,
+            Some("alternate") => LampMode::Alternate,
+            _ => LampMode::On,
+        };
+        Self { name: name.to_owned(), can_be_told, lamps, whole }
     }
 
     /// Adds the text of a scene file to it.

@@ -78,7 +78,7 @@ fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
 
 fn heading() {
     println!(
-        "{:15} {:>5} {:>7} {:>7} {:>7} {:>6} {:>6} {:>7} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5}  worst",
+        "{:15} {:>5} {:>7} {:>7} {:>7} {:>6} {:>6} {:>7} {:>5} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5} {:>5}  worst",
         "scene",
         "seeds",
         "frames",
@@ -87,12 +87,14 @@ fn heading() {
         "wrong",
         "marked",
         "longest",
+        "ring",
         "mm (sigma)",
         "deg (sigma)",
         "sigmas",
         "median us",
         "most us",
-        "times"
+        "times",
+        "work"
     );
 }
 
@@ -100,17 +102,19 @@ fn row(name: &str, seeds: u64, all: &Outcome) {
     let [median, most] = all.cost();
     let (mm, deg) = (all.off_mm, all.off_deg);
     println!(
-        "{name:15} {seeds:5} {:7} {:7} {:7} {:6} {:6} {:7} {:>15} {:>17} {:6.1} {median:9.0} {most:7.0} {:5.1}  seed {}, frame {}",
+        "{name:15} {seeds:5} {:7} {:7} {:7} {:6} {:6} {:7} {:5} {:>15} {:>17} {:6.1} {median:9.0} {most:7.0} {:5.1} {:5.2}  seed {}, frame {}",
         all.frames,
         all.enough,
         all.poses,
         all.wrong,
         all.marked,
         all.longest,
+        all.ring_longest,
         format!("{:.3} ({:.3})", mm[0], mm[1]),
         format!("{:.4} ({:.4})", deg[0], deg[1]),
         all.most_sigmas,
         most / median,
+        all.most_work(),
         all.worst.seed,
         all.worst.frame,
     );
