@@ -178,7 +178,8 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         }
         without = if missing { without + 1 } else { 0 };
         outcome.longest = outcome.longest.max(without);
-        let rank = (wrong, missing, sigmas);
+        // Before they are found first there is nothing to look at.
+        let rank = (wrong, missing && outcome.poses > 0, sigmas);
         if rank >= outcome.worst.rank {
             outcome.worst = Worst { seed, frame, rank };
         }
