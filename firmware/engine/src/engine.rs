@@ -228,8 +228,8 @@ impl Engine {
         self.recorder.lost()
     }
 
-    /// Work of the frames since this was asked last, in instructions that tracking takes: windows looked into, as rings of 16 to
-    /// 19 px, and the search. An upper bound of what depends on the picture.
+    /// Work of the frames since this was asked last, in instructions that tracking takes: windows looked into, each as a ring
+    /// of 16 to 19 px, and the search. What a frame costs in any case is not in it.
     pub fn take_work(&mut self) -> u32 {
         let windows = self.tracker.take_looks().saturating_mul(WORK_A_RING);
         let own = self.own.as_mut().map_or(0, Own::take_spent);
