@@ -1,22 +1,29 @@
 //! The whole box but for its pins: frame thread, link thread, and the slow things in the calling thread.
 
+mod carry;
+mod frames;
+mod status;
+#[cfg(test)]
+mod tests;
+
 use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use gangway_device::{Camera, CameraErrorKind, Lamp, Vitals};
-use gangway_engine::{Board, Command, Engine, Inbox, InboxConsumer, Outbox, OutboxProducer, Step};
-use gangway_link::{Carried, Courier, IDLE, Line};
+use gangway_device::{Camera, CameraErrorKind, Lamp};
+use gangway_engine::{Board, Engine, Inbox, Outbox};
+use gangway_link::{Carried, Courier, Line};
 use gangway_setup::Board as BoardSettings;
 
+use self::carry::carry;
+use self::frames::Frames;
+pub use self::status::{State, Status};
 use crate::notice::{Notice, Notices};
-use crate::{
-    Faults, Signals, SystemClock, SystemVitals, Watchdog, allocations, clock, log, realtime, signals,
-};
+use crate::{Signals, SystemClock, SystemVitals, Watchdog, clock, log, signals};
 
 /// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
 pub const FRAME_STACK: usize = 512 << 10;
@@ -24,43 +31,8 @@ pub const FRAME_STACK: usize = 512 << 10;
 const LINK_STACK: usize = 256 << 10;
 /// How often the slow things are looked at.
 const SLOW: Duration = Duration::from_millis(50);
-/// Signs of trouble are looked for once in so many frames.
-const LOOK: u64 = 64;
 /// Stack of the thread that keeps the log, bytes.
 const LOG_STACK: usize = 64 << 10;
-/// What is left at the end may take so long to be sent.
-const PATIENCE: Duration = Duration::from_secs(3);
-
-/// What the status lamp says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum State {
-    /// No rest pose yet, or no targets in sight.
-    Waiting = 0,
-    /// Frames give motions.
-    Measuring = 1,
-    /// No camera.
-    Fault = 2,
-}
-
-/// The box's state, for whoever shows it.
-#[derive(Debug, Default)]
-pub struct Status(AtomicU8);
-
-impl Status {
-    /// The state at the moment.
-    pub fn get(&self) -> State {
-        match self.0.load(Ordering::Relaxed) {
-            1 => State::Measuring,
-            2 => State::Fault,
-            _ => State::Waiting,
-        }
-    }
-
-    fn set(&self, state: State) {
-        self.0.store(state as u8, Ordering::Relaxed);
-    }
-}
 
 /// What came of a session.
 #[derive(Clone, Copy, Debug, Default)]
@@ -258,263 +230,5 @@ impl Drop for StopOnPanic<'_> {
         if thread::panicking() {
             self.0.stop();
         }
-    }
-}
-
-/// The frame thread: what its loop works on beside the hardware and the queues.
-struct Frames<'f> {
-    engine: &'f mut Box<Engine>,
-    watchdog: Watchdog,
-    board: BoardSettings,
-    next: &'f Next,
-    signals: &'f Signals,
-    status: &'f Status,
-    notices: Notices,
-}
-
-impl Frames<'_> {
-    /// The frame loop. The watchdog is fed by its turns, also by those that only wait for a camera.
-    fn work<C: Camera<Error = CameraErrorKind>, L: Lamp>(
-        mut self,
-        hardware: &mut Board<'_, C, SystemClock, impl Vitals, L>,
-        inbox: &mut InboxConsumer<'_>,
-        outbox: &mut OutboxProducer<'_>,
-    ) -> Summary {
-        let core = (self.board.core >= 0.0).then_some(self.board.core as usize);
-        for refusal in realtime::enter(self.board.realtime_priority, core) {
-            self.notices.mark(refusal.split(';').next().unwrap_or_default());
-            self.notices.log(refusal);
-        }
-        self.watchdog.ready();
-        let mut summary = Summary::default();
-        let mut costs = Costs::default();
-        while !self.signals.stops() {
-            if let Some(mut next) = self.next.take() {
-                next.succeed(self.engine, outbox);
-                *self.engine = next;
-                self.notices.log("the new setup is taken over".to_owned());
-            }
-            let before = allocations();
-            let step = self.engine.step(hardware, inbox, outbox);
-            let asked = allocations().zip(before).map(|(after, before)| after - before);
-            self.watchdog.feed();
-            match step {
-                Step::Measured => self.status.set(State::Measuring),
-                Step::Unmeasured => self.status.set(State::Waiting),
-                Step::Repeated => {}
-                Step::NoFrame(CameraErrorKind::Ended) => break,
-                Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
-                    summary.losses += 1;
-                    self.status.set(State::Fault);
-                    continue;
-                }
-                Step::NoFrame(_) => continue,
-            }
-            summary.frames += 1;
-            summary.poses += u64::from(step == Step::Measured);
-            costs.note(summary.frames, asked, &self.notices);
-        }
-        self.watchdog.stopping();
-        self.engine.end(hardware, outbox);
-        summary.lost = u64::from(self.engine.records_lost());
-        (summary.page_faults, summary.allocations) = (costs.page_faults, costs.allocations);
-        summary
-    }
-}
-
-/// What frames must not cost: page faults and allocations.
-#[derive(Default)]
-struct Costs {
-    faults: Option<Faults>,
-    page_faults: i64,
-    allocations: Option<u64>,
-}
-
-impl Costs {
-    /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What the first
-    /// frames touch for the first time is no trouble; the first trouble is told in the records.
-    fn note(&mut self, frames: u64, asked: Option<u64>, notices: &Notices) {
-        if frames < LOOK {
-            return;
-        }
-        let Some(faults) = &self.faults else {
-            self.faults = Some(Faults::start());
-            self.allocations = asked.map(|_| 0);
-            return;
-        };
-        if let (Some(all), Some(asked)) = (&mut self.allocations, asked) {
-            if *all == 0 && asked > 0 {
-                notices.mark("the frame loop allocates");
-            }
-            *all += asked;
-        }
-        if frames.is_multiple_of(LOOK) {
-            let count = faults.count();
-            if count > 0 && self.page_faults == 0 {
-                notices.mark("page faults in the frame loop: memory is short or not locked");
-            }
-            self.page_faults = count;
-        }
-    }
-}
-
-type Delivered = Result<(Carried, u64), gangway_link::Error>;
-
-/// The link thread: records out, commands and the board's own notices in, until everything is sent.
-fn carry(
-    mut courier: Courier<'_, Line>,
-    said: &Receiver<Notice>,
-    done: &AtomicBool,
-    signals: &Signals,
-    say: &(dyn Fn(&str) + Sync),
-) -> Delivered {
-    let mut waiting: Option<Command> = None;
-    loop {
-        let is_done = done.load(Ordering::Acquire);
-        loop {
-            let command = match waiting
-                .take()
-                .map_or_else(|| said.try_recv(), |command| Ok(Notice::Command(command)))
-            {
-                Ok(Notice::Log(sentence)) => {
-                    say(&sentence);
-                    continue;
-                }
-                Ok(Notice::Command(command)) => command,
-                Err(TryRecvError::Empty | TryRecvError::Disconnected) => break,
-            };
-            waiting = courier.command(command).err();
-            if waiting.is_some() {
-                break;
-            }
-        }
-        if is_done {
-            break;
-        }
-        match courier.turn() {
-            Ok(true) => {}
-            Ok(false) => thread::sleep(IDLE),
-            Err(error) => {
-                signals.stop();
-                return Err(error);
-            }
-        }
-    }
-    let unsent = courier.drain(PATIENCE)? as u64;
-    Ok((courier.carried(), unsent))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::convert::Infallible;
-    use std::os::unix::net::UnixDatagram;
-    use std::sync::Arc;
-
-    use embedded_hal::digital::{ErrorType, OutputPin};
-    use gangway_device::Frame;
-    use gangway_engine::Identity;
-    use gangway_link::Address;
-    use gangway_setup::Setup;
-
-    use super::*;
-
-    /// A camera that never comes.
-    struct Away;
-
-    impl Camera for Away {
-        type Error = CameraErrorKind;
-
-        fn next_frame(&mut self) -> Result<Frame<'_>, CameraErrorKind> {
-            thread::sleep(Duration::from_millis(1));
-            Err(CameraErrorKind::Waiting)
-        }
-    }
-
-    /// A lamp that somebody has lit.
-    struct Lit(Arc<AtomicBool>);
-
-    impl ErrorType for Lit {
-        type Error = Infallible;
-    }
-
-    impl OutputPin for Lit {
-        fn set_low(&mut self) -> Result<(), Infallible> {
-            self.0.store(false, Ordering::Release);
-            Ok(())
-        }
-        fn set_high(&mut self) -> Result<(), Infallible> {
-            self.0.store(true, Ordering::Release);
-            Ok(())
-        }
-    }
-
-    /// Runs a box without a camera. `slow` is told how many signs of life systemd has heard. Tells whether the lamp still
-    /// shines, and all that systemd heard.
-    fn play(mut slow: impl FnMut(&Signals, usize)) -> (bool, Vec<String>, thread::Result<Summary>) {
-        let place = tempfile::tempdir().unwrap();
-        let socket = UnixDatagram::bind(place.path().join("notify")).unwrap();
-        socket.set_nonblocking(true).unwrap();
-        let is_lit = Arc::new(AtomicBool::new(true));
-        let text = include_str!("../../setup/examples/ride.toml");
-        let settings = Setup::parse(text, "ride.toml").unwrap().settings();
-        let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
-        let (signals, status, next) = (Signals::default(), Status::default(), Next::default());
-        let (notices, said) = Notices::channel();
-        let name = place.path().join("notify");
-        let parts = Parts {
-            engine: Box::new(Engine::new(settings, identity).unwrap()),
-            camera: Away,
-            lamps: vec![Lit(Arc::clone(&is_lit))],
-            line: Address::File(place.path().join("box.gw")).open().unwrap(),
-            log: Some(log::file(place.path(), 3).unwrap()),
-            vitals: SystemVitals::new(place.path()),
-            watchdog: Watchdog::new(Some(name.as_os_str()), Some(Duration::from_millis(200))),
-            board: BoardSettings { realtime_priority: 0, ..BoardSettings::default() },
-            next: &next,
-            signals: &signals,
-            status: &status,
-            notices,
-            said,
-        };
-        let mut heard: Vec<String> = Vec::new();
-        let hear = |heard: &mut Vec<String>| {
-            let mut bytes = [0; 64];
-            while let Ok(count) = socket.recv(&mut bytes) {
-                heard.push(String::from_utf8_lossy(&bytes[..count]).into_owned());
-            }
-        };
-        let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            let turn = || {
-                hear(&mut heard);
-                slow(&signals, heard.iter().filter(|heard| *heard == "WATCHDOG=1").count());
-            };
-            run(parts, turn, &|_| {}).unwrap()
-        }));
-        hear(&mut heard);
-        let kept = std::fs::read(place.path().join("0000000000000003.gw")).unwrap();
-        assert_eq!(kept, std::fs::read(place.path().join("box.gw")).unwrap(), "the log is what was sent");
-        (is_lit.load(Ordering::Acquire), heard, ended)
-    }
-
-    #[test]
-    fn a_box_without_a_camera_lives_for_its_watchdog_and_ends_dark() {
-        let (is_lit, heard, ended) = play(|signals, signs| {
-            if signs > 2 {
-                signals.stop();
-            }
-        });
-        assert!(!is_lit);
-        assert_eq!(heard.first().map(String::as_str), Some("READY=1"));
-        assert_eq!(heard.last().map(String::as_str), Some("STOPPING=1"));
-        let summary = ended.unwrap();
-        assert_eq!((summary.frames, summary.unsent), (0, 0));
-        assert!(summary.carried.records > 3, "it announced itself: {summary:?}");
-    }
-
-    #[test]
-    fn a_panic_in_another_thread_leaves_every_lamp_dark() {
-        let (is_lit, _, ended) = play(|_, _| panic!("on purpose"));
-        assert!(!is_lit);
-        assert!(ended.is_err(), "and is not hidden");
     }
 }
