@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use clap::Parser;
 use gangway_bench::{Failure, Faults, Pace, Play, Times, measure, run, source};
@@ -181,18 +181,9 @@ fn send(
 }
 
 fn identity(args: &Args) -> Identity {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Identity {
-        box_id: args.box_id,
-        boot_id: args.boot_id.or_else(boot_id).unwrap_or(0),
-        session_id: args.session_id.unwrap_or(now.as_nanos() as u64),
-        firmware: concat!("gangway-bench ", env!("CARGO_PKG_VERSION")),
-    }
-}
-
-/// The first half of the number that Linux gives every boot.
-fn boot_id() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
-    let digits: String = text.chars().filter(char::is_ascii_hexdigit).take(16).collect();
-    u64::from_str_radix(&digits, 16).ok()
+    let mut identity =
+        gangway_link::identity(args.box_id, concat!("gangway-bench ", env!("CARGO_PKG_VERSION")));
+    identity.boot_id = args.boot_id.unwrap_or(identity.boot_id);
+    identity.session_id = args.session_id.unwrap_or(identity.session_id);
+    identity
 }

@@ -9,7 +9,6 @@ mod pins;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use clap::{Parser, Subcommand};
@@ -129,7 +128,8 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
     let camera = Device::new(parts, &settings, &notices)?;
     let mut camera = Recovering::new(camera, settings.rate_hz, notices.clone());
     camera.start()?;
-    let identity = identity(box_id);
+    let box_id = box_id.or_else(serial_number).unwrap_or(0);
+    let identity = gangway_link::identity(box_id, concat!("gangway-pi ", env!("CARGO_PKG_VERSION")));
     let engine = engine(settings, identity)?;
     let line = place.to.open()?;
     say(&format!("measuring to {line}"));
@@ -200,25 +200,8 @@ fn reload(file: &Path, before: &Setup, identity: Identity) -> anyhow::Result<Box
     engine(setup.settings(), identity)
 }
 
-fn identity(box_id: Option<u64>) -> Identity {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Identity {
-        box_id: box_id.or_else(serial_number).unwrap_or(0),
-        boot_id: boot_id().unwrap_or(0),
-        session_id: now.as_nanos() as u64,
-        firmware: concat!("gangway-pi ", env!("CARGO_PKG_VERSION")),
-    }
-}
-
 /// The number that every Raspberry Pi is made with.
 fn serial_number() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/device-tree/serial-number").ok()?;
     u64::from_str_radix(text.trim_end_matches('\0').trim(), 16).ok()
-}
-
-/// The first half of the number that Linux gives every boot.
-fn boot_id() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
-    let digits: String = text.chars().filter(char::is_ascii_hexdigit).take(16).collect();
-    u64::from_str_radix(&digits, 16).ok()
 }
