@@ -1,45 +1,11 @@
 //! The frame loop never allocates: counted by an allocator that counts.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-
 use e2e::Ride;
 
-/// The system's allocator, counting what is asked of it while it is armed.
-struct Counting;
-
-static ARMED: AtomicBool = AtomicBool::new(false);
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-fn count() {
-    if ARMED.load(Ordering::Relaxed) {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-// SAFETY: every call is handed to the system's allocator unchanged; counting touches only atomics.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are the system allocator's own.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+/// The allocator of the box's own proofs, with its own test. The whole crate would ask for system libraries.
+#[expect(unreachable_pub, reason = "public in its own crate")]
+#[path = "../boards/linux/src/allocations.rs"]
+mod allocations;
 
 #[test]
 fn a_thousand_frames_through_the_whole_loop_allocate_nothing() {
@@ -53,15 +19,14 @@ fn a_thousand_frames_through_the_whole_loop_allocate_nothing() {
     };
     let mut records = 0u32;
     let mut poses = 0u32;
-    ARMED.store(true, Ordering::Relaxed);
+    let before = allocations::allocations().expect("the program counts");
     for number in 0..1000 {
         frame_loop.step(picture(number), number, |record| {
             records += 1;
             poses += u32::from(matches!(record, gangway_wire::Record::Pose(pose) if pose.motion.is_some()));
         });
     }
-    ARMED.store(false, Ordering::Relaxed);
-    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
+    assert_eq!(allocations::allocations(), Some(before));
     assert!(poses > 900, "the loop measured: {poses} poses");
     assert!(records > 2000, "and recorded: {records} records");
 
