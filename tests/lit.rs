@@ -91,6 +91,19 @@ fn alternate_lamps_give_poses_in_lit_frames_and_mark_the_dark_ones() {
 }
 
 #[test]
+fn alternate_lamps_are_found_in_a_tunnel_without_seeds() {
+    for starts_dark in [false, true] {
+        let drive = format!("[lamp]\ndrive = \"alternate\"\nstarts_dark = {starts_dark}\n");
+        let poses = poses(&scene(&format!("{TUNNEL}{drive}[setup]\nseeds = false\n")), LampMode::Alternate);
+        let first = poses.iter().position(|pose| pose.markers > 0).expect("they are found");
+        // Every row is looked at in a lit frame and in a dark one.
+        assert!(first <= 8, "found in frame {first}");
+        let lit = poses[first..].iter().filter(|pose| (pose.frame % 2 == 0) != starts_dark);
+        assert!(lit.clone().count() > 20 && lit.clone().all(|pose| pose.markers == 15), "{poses:?}");
+    }
+}
+
+#[test]
 fn a_frame_switched_within_its_exposure_is_marked_and_gives_no_pose() {
     // Off in the middle of frame 20's exposure, on again in that of frame 30.
     let scene = scene("[lamp]\nswitches_s = [0.4, 0.6]\n");

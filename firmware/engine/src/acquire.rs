@@ -2,10 +2,11 @@
 //! circles they are.
 
 use gangway_device::Frame;
-use gangway_pose::{Assigner, Pose, Progress, Sighting, View};
+use gangway_pose::{Assigned, Assigner, Pose, Progress, Sighting, View};
 use gangway_vision::{Acquisition, MAX_SIGHTINGS, Part, Search};
 use heapless::Vec;
 
+use crate::LampMode;
 use crate::windows::Sight;
 
 /// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
@@ -15,13 +16,16 @@ const TRACKING: u32 = 28 * WORK_A_RING;
 
 /// Work of a frame that nothing is known in. A picture of 1920 x 1080 takes two to four such slices, by the size of its
 /// rings, and one more to be assigned.
-const WORK_A_FRAME: u32 = TRACKING * 14 / 10;
-/// Of that goes into windows that were looked into and showed too little, or that are still to be looked into.
-const WORK_OF_WINDOWS: u32 = TRACKING * 7 / 10;
+const WORK_A_FRAME: u32 = TRACKING * 13 / 10;
+/// Of that goes into windows that were looked into and showed too little. Those of a pose that was found are looked into
+/// in the same frame: with them it is at most 2.5 times the tracking.
+const WORK_OF_WINDOWS: u32 = TRACKING * 8 / 10;
 /// Work beside windows that show something, but are in doubt: of the look around them and the search together ...
-const WORK_IN_DOUBT: u32 = TRACKING * 7 / 10;
+const WORK_IN_DOUBT: u32 = TRACKING * 5 / 10;
 /// ... and of the search in any case, so that it goes on.
 const WORK_AT_LEAST: u32 = TRACKING / 10;
+/// Of taking the rings around a pose that they contradict for the circles: a jump must not cost the frame.
+const WORK_OF_ASSIGNING: u32 = TRACKING * 10 / 10;
 
 /// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
 /// takes half as long, and one for all, in turn.
@@ -63,6 +67,9 @@ pub(crate) struct Acquirer {
     assigning: bool,
     /// What was found, to be told in the next frame: its windows would have been too much for the last one.
     answer: Option<Progress>,
+    /// Lamps alternate: an answer is told in two frames on end, for one of them is dark. Whether it was told once.
+    twice: bool,
+    told: bool,
 }
 
 impl Acquirer {
@@ -74,8 +81,10 @@ impl Acquirer {
             rings.fold([f64::INFINITY, 0.0_f64], |[low, high], ratio| [low.min(ratio), high.max(ratio)]);
         let acquisition = Acquisition::new(&sight.settings.vision, ratios);
         let has_discs = all().any(|ratio| !ratio.is_finite());
+        let twice = has_discs && sight.settings.lamps == LampMode::Alternate;
+        let acquisition = if has_discs { acquisition.with_discs() } else { acquisition };
         Self {
-            acquisition: if has_discs { acquisition.with_discs() } else { acquisition },
+            acquisition: if twice { acquisition.twice() } else { acquisition },
             around: Vec::new(),
             left: None,
             spent: 0,
@@ -85,6 +94,8 @@ impl Acquirer {
             sweeps: 0,
             assigning: false,
             answer: None,
+            twice,
+            told: false,
         }
     }
 
@@ -97,7 +108,7 @@ impl Acquirer {
     pub(crate) fn restart(&mut self) {
         self.acquisition.restart();
         self.assigning = false;
-        self.answer = None;
+        (self.answer, self.told) = (None, false);
     }
 
     /// Says how large the smallest ring shows, px.
@@ -117,6 +128,8 @@ impl Acquirer {
         is_plausible: &dyn Fn(&Pose) -> bool,
     ) -> Progress {
         if let Some(answer) = self.answer.take() {
+            self.told = self.twice && !self.told;
+            self.answer = self.told.then_some(answer);
             return answer;
         }
         let whole = match windows {
@@ -127,10 +140,8 @@ impl Acquirer {
         let mut work = whole;
         let progress = self.go_on(frame, sight, others, is_plausible, &mut work);
         self.spent += whole - work;
-        // What is found is looked into at once if that is not too much for one frame.
-        if matches!(progress, Progress::Assigned(_)) && work < WORK_OF_WINDOWS {
-            self.answer = Some(progress);
-            return Progress::Going;
+        if matches!(progress, Progress::Assigned(_)) && self.twice {
+            (self.answer, self.told) = (Some(progress), true);
         }
         progress
     }
@@ -160,15 +171,24 @@ impl Acquirer {
             self.assigner.begin(&self.sightings);
             self.assigning = true;
         }
-        let view = View {
-            circles: sight.circles,
-            lens: &sight.settings.lens,
-            picture: sight.settings.picture,
-            is_plausible,
-        };
-        let progress = self.assigner.advance(&view, work);
+        let progress = self.assigner.advance(&view(sight, is_plausible), work);
         self.assigning = progress == Progress::Going;
         progress
+    }
+
+    /// The pose that the rings of the last [`Acquirer::look_around`] show, if they show one: where the targets jumped to.
+    /// A search that is going on begins anew.
+    pub(crate) fn assign_around(
+        &mut self,
+        sight: &Sight<'_>,
+        is_plausible: &dyn Fn(&Pose) -> bool,
+    ) -> Option<Assigned> {
+        let mut work = WORK_OF_ASSIGNING;
+        self.restart();
+        self.assigner.begin(&self.around);
+        let progress = self.assigner.advance(&view(sight, is_plausible), &mut work);
+        self.spent += WORK_OF_ASSIGNING - work;
+        if let Progress::Assigned(found) = progress { Some(found) } else { None }
     }
 
     /// Looks for all rings around these windows, in this picture: those that are not of the other carbody. `None` if that
@@ -201,6 +221,11 @@ impl Acquirer {
     pub(crate) fn sightings(&self) -> &[Sighting] {
         &self.sightings
     }
+}
+
+/// What an assignment is made through.
+fn view<'v>(sight: &Sight<'v>, is_plausible: &'v dyn Fn(&Pose) -> bool) -> View<'v> {
+    View { circles: sight.circles, lens: &sight.settings.lens, picture: sight.settings.picture, is_plausible }
 }
 
 /// The part of a picture in which rings would be taken for circles of this target or for what contradicts them.

@@ -147,6 +147,11 @@ impl Carbody {
         self.keeper.is_kept() && !self.keeper.has_searched()
     }
 
+    /// Whether nothing is known of its place.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.keeper.is_lost()
+    }
+
     /// Whether a slice of a search was spent on it in the last frame.
     pub(crate) fn has_searched(&self) -> bool {
         self.keeper.has_searched()

@@ -177,7 +177,7 @@ impl Engine {
         if let Some(wanted) = wanted {
             self.expose(wanted, board.camera, outbox);
         }
-        self.lamps.drive(&self.settings, time_ns, board.clock, board.lamps);
+        self.lamps.drive(&self.settings, self.carbody.is_lost(), time_ns, board.clock, board.lamps);
         step
     }
 

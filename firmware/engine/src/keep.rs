@@ -120,6 +120,11 @@ impl Keeper {
         self.hold == Hold::Kept
     }
 
+    /// Whether nothing is known of the targets' place.
+    pub(crate) fn is_lost(&self) -> bool {
+        matches!(self.hold, Hold::Lost { .. })
+    }
+
     /// Whether a slice of the search was spent in the last frame.
     pub(crate) fn has_searched(&self) -> bool {
         self.searched
@@ -165,6 +170,14 @@ impl Keeper {
         let around = self.acquirer.look_around(frame, searches, others);
         let stands =
             around.is_some_and(|rings| !contradicts(rings, &own.pose, &sight, searches, EXPLAINED[0]));
+        // Contradicted by what may well be the targets themselves, a jump away.
+        let is_whole = around.is_some();
+        if is_whole
+            && !stands
+            && let Some(found) = self.acquirer.assign_around(&sight, question.is_plausible)
+        {
+            return Verdict::Try { found, instead: true };
+        }
         let progress = self.acquirer.slice(frame, &sight, Windows::InDoubt, others, question.is_plausible);
         if progress != Progress::Going {
             self.settled = Some((frame.number(), own.used.count_ones()));

@@ -13,7 +13,7 @@ pub enum LampMode {
     On,
     /// They stay dark.
     Off,
-    /// They shine in every other frame.
+    /// They shine in every other frame, and in all of them while the targets are being found: that takes some frames.
     Alternate,
 }
 
@@ -27,12 +27,14 @@ pub(crate) struct Lamps {
 }
 
 impl Lamps {
-    /// Switches the lamps as the mode asks, after the frame of this time (mid-exposure).
+    /// Switches the lamps as the mode asks, after the frame of this time (mid-exposure); `seeking` while nothing is known of
+    /// the targets' place.
     ///
     /// Waits at most for the end of the exposure that is going on.
     pub(crate) fn drive<L: Lamp>(
         &mut self,
         settings: &Settings,
+        seeking: bool,
         frame_time_ns: u64,
         clock: &impl Clock,
         lamps: &mut [L],
@@ -43,7 +45,7 @@ impl Lamps {
         let lit = match settings.lamps {
             LampMode::On => true,
             LampMode::Off => false,
-            LampMode::Alternate => !self.lit.unwrap_or(false),
+            LampMode::Alternate => seeking || !self.lit.unwrap_or(false),
         };
         if self.lit == Some(lit) {
             return;

@@ -62,6 +62,9 @@ pub struct Acquisition {
     step: u16,
     /// Next row; `None` before a sweep.
     next: Option<u16>,
+    /// Rows are looked at in two pictures on end, and those up to here were in the first of them.
+    twice: bool,
+    once_until: Option<u16>,
     sweeps: usize,
 }
 
@@ -76,6 +79,8 @@ impl Acquisition {
             size: (0, 0),
             step: ROW_STEPS[0] as u16,
             next: None,
+            twice: false,
+            once_until: None,
             sweeps: 0,
         }
     }
@@ -83,6 +88,12 @@ impl Acquisition {
     /// Looks for bright discs on dark as well.
     pub fn with_discs(mut self) -> Self {
         self.limits.take_discs();
+        self
+    }
+
+    /// Looks at every row in two pictures on end: of lamps that alternate one is dark.
+    pub fn twice(mut self) -> Self {
+        self.twice = true;
         self
     }
 
@@ -95,7 +106,7 @@ impl Acquisition {
 
     /// Begins a new sweep with the next picture.
     pub fn restart(&mut self) {
-        self.next = None;
+        (self.next, self.once_until) = (None, None);
     }
 
     /// Whether a sweep has begun and is not over.
@@ -114,14 +125,23 @@ impl Acquisition {
             self.sightings.clear();
             self.next = FIRST_QUARTERS.get(self.sweeps % FIRST_QUARTERS.len()).map(|n| n * self.step / 4);
             self.sweeps = self.sweeps.wrapping_add(1);
+            self.once_until = None;
         }
-        while let Some(y) = self.next.filter(|y| *y < size.1) {
+        let (first, end) = (self.next, self.once_until.unwrap_or(size.1));
+        while let Some(y) = self.next.filter(|y| *y < end) {
             if *work == 0 {
-                return false;
+                break;
             }
             let looked_for = (&self.limits, self.ratios);
             search(&mut self.row, frame, &(0..size.0), y, looked_for, &mut self.sightings, work);
             self.next = y.checked_add(self.step);
+        }
+        if self.twice && self.once_until.take().is_none() {
+            (self.next, self.once_until) = (first, Some(self.next.unwrap_or(size.1)));
+            return false;
+        }
+        if self.next.is_some_and(|y| y < size.1) {
+            return false;
         }
         self.next = None;
         true
