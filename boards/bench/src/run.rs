@@ -178,6 +178,10 @@ impl From<BenchError> for Failure {
     }
 }
 
+/// Stack on which the engine is made, bytes: without optimisation its half megabyte is moved several times on the way into
+/// its box, which is more than a thread usually has.
+const MAKING_STACK: usize = 16 << 20;
+
 /// The loop's state, ready for the first frame.
 ///
 /// # Errors
@@ -191,8 +195,14 @@ pub(crate) fn prepare(
     if found != settings.picture {
         return Err(BenchError::Size { found, setup: settings.picture });
     }
-    let engine = Engine::new(settings.clone(), identity);
-    engine.map(Box::new).map_err(|error| BenchError::Seeds { why: format!("{error:?}") })
+    let make = || Engine::new(settings.clone(), identity).map(Box::new);
+    let engine = thread::scope(|scope| {
+        match thread::Builder::new().stack_size(MAKING_STACK).spawn_scoped(scope, make) {
+            Ok(making) => making.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            Err(_) => make(),
+        }
+    });
+    engine.map_err(|error| BenchError::Seeds { why: format!("{error:?}") })
 }
 
 /// A camera whose frames set the clock.
