@@ -16,7 +16,7 @@ const WRONG_PX: f64 = 5.0;
 const HALF_PX: f64 = 16.0;
 /// The tracker's least contrast, 8 grey levels, with room for noise.
 const CONTRAST: u8 = 14;
-/// What is as bright as this is clipped by sun or lamp: such a ring is rightly refused.
+/// What is as bright as this is clipped: a ring that sun or lamp clips in part may be refused.
 const CLIPPED: u8 = 250;
 
 /// A frame that shows best what goes wrong in a scene, if anything does.
@@ -45,7 +45,7 @@ pub struct Outcome {
     pub wrong: usize,
     /// Most frames on end with enough rings free and no pose.
     pub longest: usize,
-    /// Most frames on end with a pose in which one and the same free ring was missing.
+    /// Most frames on end with a pose in which one and the same ring was missing that was free and not clipped.
     pub ring_longest: usize,
     /// Largest error of an unmarked displacement, mm, with its standard deviation.
     pub off_mm: [f64; 2],
@@ -141,7 +141,7 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         (1..PLAYS).map(|_| costs(&ride)).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect());
     for frame in 0..ride.frames.len() {
         let centres: Vec<Option<[f64; 2]>> = scene.centres(frame as u32).into_iter().flatten().collect();
-        let free = free_rings(&scene, &ride, frame, &centres);
+        let sights = sights(&scene, &ride, frame, &centres);
         let (mut pose, mut wrong) = (None, 0);
         let mut used = vec![false; centres.len()];
         let start = thread_us();
@@ -166,11 +166,11 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         outcome.wrong += wrong;
         let has_pose = pose.is_some_and(|pose| pose.markers > 0);
         let sigmas = pose.map_or(0.0, |pose| outcome.judge(&pose, &ride, frame));
-        for ((missed, free), used) in missed.iter_mut().zip(&free).zip(&used) {
-            *missed = if has_pose && *free && !used { *missed + 1 } else { 0 };
+        for ((missed, sight), used) in missed.iter_mut().zip(&sights).zip(&used) {
+            *missed = if has_pose && *sight == Sight::Free && !used { *missed + 1 } else { 0 };
             outcome.ring_longest = outcome.ring_longest.max(*missed);
         }
-        let is_enough = free.iter().filter(|free| **free).count() >= ENOUGH;
+        let is_enough = sights.iter().filter(|sight| **sight != Sight::Hidden).count() >= ENOUGH;
         let missing = is_enough && !has_pose;
         if is_enough {
             outcome.enough += 1;
@@ -206,17 +206,28 @@ fn thread_us() -> f64 {
     time.tv_sec as f64 * 1e6 + time.tv_nsec as f64 * 1e-3
 }
 
-/// Which rings of the other carbody nothing covers and light shows.
-fn free_rings(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 2]>]) -> Vec<bool> {
+/// How a ring shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sight {
+    /// Something covers it, or no light shows it.
+    Hidden,
+    /// Nothing covers it, but it is clipped.
+    Clipped,
+    /// Nothing is in its way.
+    Free,
+}
+
+/// How the rings of the other carbody show; those of the own one count as hidden.
+fn sights(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 2]>]) -> Vec<Sight> {
     let (width, height) = (usize::from(ride.settings.picture.0), usize::from(ride.settings.picture.1));
-    let is_free = |at: &[f64; 2]| {
+    let sight = |at: &[f64; 2]| {
         let [u, v] = *at;
         let inside = u >= HALF_PX
             && v >= HALF_PX
             && u + HALF_PX < width as f64 - 1.0
             && v + HALF_PX < height as f64 - 1.0;
         if !inside || scene.is_covered(frame as u32, *at, HALF_PX) {
-            return false;
+            return Sight::Hidden;
         }
         let (mut least, mut most) = (u8::MAX, 0);
         for y in (v - HALF_PX) as usize..=(v + HALF_PX) as usize {
@@ -225,9 +236,14 @@ fn free_rings(scene: &Scene, ride: &Ride, frame: usize, centres: &[Option<[f64; 
                 (least, most) = (least.min(sample), most.max(sample));
             }
         }
-        most - least > CONTRAST && most < CLIPPED
+        match most - least > CONTRAST {
+            false => Sight::Hidden,
+            true if most >= CLIPPED => Sight::Clipped,
+            true => Sight::Free,
+        }
     };
     let is_other = |circle: usize| ride.settings.own >> circle & 1 == 0;
     let circles = centres.iter().enumerate();
-    circles.map(|(circle, at)| is_other(circle) && at.as_ref().is_some_and(is_free)).collect()
+    let other = |(circle, at): (usize, &Option<[f64; 2]>)| at.filter(|_| is_other(circle));
+    circles.map(|circle| other(circle).map_or(Sight::Hidden, |at| sight(&at))).collect()
 }

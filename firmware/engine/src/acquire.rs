@@ -25,7 +25,7 @@ const WORK_IN_DOUBT: u32 = TRACKING * 5 / 10;
 /// ... and of the search in any case, so that it goes on.
 const WORK_AT_LEAST: u32 = TRACKING / 10;
 /// Of taking the rings around a pose that they contradict for the circles: a jump must not cost the frame.
-const WORK_OF_ASSIGNING: u32 = TRACKING * 10 / 10;
+const WORK_OF_ASSIGNING: u32 = TRACKING;
 
 /// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
 /// takes half as long, and one for all, in turn.
@@ -65,11 +65,10 @@ pub(crate) struct Acquirer {
     sweeps: usize,
     /// The picture is swept; the rings are being assigned.
     assigning: bool,
-    /// What was found, to be told in the next frame: its windows would have been too much for the last one.
-    answer: Option<Progress>,
-    /// Lamps alternate: an answer is told in two frames on end, for one of them is dark. Whether it was told once.
+    /// Lamps alternate: what was found is told in two frames on end, for one of them is dark.
     twice: bool,
-    told: bool,
+    /// What the last frame was told and the next one is to be.
+    again: Option<Progress>,
 }
 
 impl Acquirer {
@@ -93,9 +92,8 @@ impl Acquirer {
             is_expected: false,
             sweeps: 0,
             assigning: false,
-            answer: None,
             twice,
-            told: false,
+            again: None,
         }
     }
 
@@ -108,7 +106,7 @@ impl Acquirer {
     pub(crate) fn restart(&mut self) {
         self.acquisition.restart();
         self.assigning = false;
-        (self.answer, self.told) = (None, false);
+        self.again = None;
     }
 
     /// Says how large the smallest ring shows, px.
@@ -127,10 +125,8 @@ impl Acquirer {
         others: &[Search],
         is_plausible: &dyn Fn(&Pose) -> bool,
     ) -> Progress {
-        if let Some(answer) = self.answer.take() {
-            self.told = self.twice && !self.told;
-            self.answer = self.told.then_some(answer);
-            return answer;
+        if let Some(found) = self.again.take() {
+            return found;
         }
         let whole = match windows {
             Windows::None => WORK_A_FRAME,
@@ -140,9 +136,7 @@ impl Acquirer {
         let mut work = whole;
         let progress = self.go_on(frame, sight, others, is_plausible, &mut work);
         self.spent += whole - work;
-        if matches!(progress, Progress::Assigned(_)) && self.twice {
-            (self.answer, self.told) = (Some(progress), true);
-        }
+        self.again = (self.twice && matches!(progress, Progress::Assigned(_))).then_some(progress);
         progress
     }
 
@@ -177,14 +171,16 @@ impl Acquirer {
     }
 
     /// The pose that the rings of the last [`Acquirer::look_around`] show, if they show one: where the targets jumped to.
-    /// A search that is going on begins anew.
+    /// A sweep that is going on goes on; an assignment begins anew.
     pub(crate) fn assign_around(
         &mut self,
         sight: &Sight<'_>,
         is_plausible: &dyn Fn(&Pose) -> bool,
     ) -> Option<Assigned> {
         let mut work = WORK_OF_ASSIGNING;
-        self.restart();
+        if self.assigning {
+            self.restart();
+        }
         self.assigner.begin(&self.around);
         let progress = self.assigner.advance(&view(sight, is_plausible), &mut work);
         self.spent += WORK_OF_ASSIGNING - work;

@@ -31,7 +31,7 @@ pub(crate) fn covariance(problem: &Problem, used: u64, fit: &Fit, scale: f64) ->
         let axis = Vector3::from(axis);
         let along = linear.fixed_columns::<3>(3) * axis / libm::sqrt(variance);
         let valley = Valley { problem, used, fit, axis, along };
-        // What is not positive definite stays as it is.
+        // Where the way leads a circle out of the camera's sight, the straight line must do.
         wider += valley.bend(scale).unwrap_or_default();
     }
     wider
