@@ -148,6 +148,16 @@ impl<'a> Frame<'a> {
         self.complete_ns
     }
 
+    /// Bytes from one row's first to the next one's.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// The bytes from row `y` on, to the picture's end and what the source left behind it; none below the picture.
+    pub fn rows_from(&self, y: u16) -> &'a [u8] {
+        self.bytes.get(y as usize * self.stride..).unwrap_or_default()
+    }
+
     /// The bytes of row `y`, from its first sample's first byte on; `None` below the picture.
     #[inline]
     pub fn row(&self, y: u16) -> Option<&'a [u8]> {

@@ -5,7 +5,7 @@ use gangway_device::{Frame, Layout};
 use gangway_pose::MAX_CIRCLES;
 use heapless::Vec;
 
-use crate::loader::{CHUNK, Rect, Row, full_scale};
+use crate::loader::{CHUNK, Rect, Rows, full_scale};
 use crate::{MAX_SIDE, Search};
 
 /// Samples that are kept in all. Windows of 18 discs of 16 px fit; what does not fit is not taken off.
@@ -60,8 +60,9 @@ impl Dark {
         self.layout = frame.layout();
         let start = self.kept.last().map_or(0, |last| last.start + last.rect.width * last.rect.height);
         let Some(samples) = self.samples.get_mut(start..start + rect.width * rect.height) else { return };
-        for (row, y) in samples.chunks_exact_mut(rect.width).zip(rect.y..) {
-            each_sample(frame, rect.x, y, row.len(), |i, value| {
+        let rows = Rows::of(frame, rect);
+        for (y, row) in samples.chunks_exact_mut(rect.width).enumerate() {
+            each_sample(&rows, y, rect.width, |i, value| {
                 if let Some(sample) = row.get_mut(i) {
                     *sample = value as u16;
                 }
@@ -88,6 +89,7 @@ impl Dark {
             return None;
         }
         let Rect { x, y, width, height } = kept.rect;
+        let rows = Rows::of(frame, kept.rect);
         let dark = Shifted::new(self.samples.get(kept.start..kept.start + width * height)?, width, shift);
         let full = full_scale(frame);
         let into = self.difference.get_mut(..2 * width * height)?;
@@ -95,7 +97,7 @@ impl Dark {
         let bits = frame.layout().bits().max(9);
         let scale = ((1u32 << bits) - 1) as f32 / full;
         for (row, into) in into.chunks_exact_mut(2 * width).enumerate() {
-            each_sample(frame, x, y + row as u16, width, |i, value| {
+            each_sample(&rows, row, width, |i, value| {
                 // What is saturated stays so.
                 let less = if value >= full {
                     full
@@ -143,13 +145,12 @@ impl<'s> Shifted<'s> {
     }
 }
 
-/// Shows samples of a row at full depth.
-fn each_sample(frame: &Frame, x: u16, y: u16, count: usize, mut show: impl FnMut(usize, f32)) {
-    let row = Row::of(frame, y, x);
+/// Shows the samples of row `y` of a part of the picture, at full depth.
+fn each_sample(rows: &Rows, y: usize, count: usize, mut show: impl FnMut(usize, f32)) {
     let mut chunk = [0; CHUNK];
     for first in (0..count).step_by(CHUNK) {
         let some = (count - first).min(CHUNK);
-        row.load(first, some, &mut chunk);
+        rows.load(y, first, some, &mut chunk);
         for (i, value) in chunk.iter().enumerate().take(some) {
             show(first + i, f32::from(*value));
         }

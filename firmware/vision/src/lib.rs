@@ -13,6 +13,7 @@ mod acquire;
 mod bits;
 mod candidate;
 mod centre;
+mod chords;
 mod components;
 mod consensus;
 mod dark;

@@ -168,38 +168,48 @@ fn top_of_word(word: [u8; 2], bits: u8) -> u8 {
 /// Samples that are taken at full depth together.
 pub(crate) const CHUNK: usize = 16;
 
-/// A row of the picture from a column on, at full depth.
-pub(crate) struct Row<'a> {
+/// Samples of the longest window's row, and of a chunk from its end on.
+pub(crate) const LINE: usize = 256 + CHUNK;
+pub(crate) type Line = [u8; LINE];
+const _: () = assert!(MAX_SIDE <= 256);
+
+/// The rows of a part of the picture, at full depth.
+pub(crate) struct Rows<'a> {
     frame: &'a Frame<'a>,
-    y: u16,
-    x: u16,
-    /// Its bytes where they are the samples.
+    rect: Rect,
+    /// Bytes from the part's first sample on, where they are the samples.
     bytes: &'a [u8],
+    stride: usize,
 }
 
-impl<'a> Row<'a> {
-    /// Row `y` from column `x` on.
-    pub(crate) fn of(frame: &'a Frame<'a>, y: u16, x: u16) -> Self {
+impl<'a> Rows<'a> {
+    pub(crate) fn of(frame: &'a Frame<'a>, rect: Rect) -> Self {
         let bytes = match frame.layout() {
-            Layout::GREY => frame.row(y).and_then(|row| row.get(usize::from(x)..)),
+            Layout::GREY => frame.rows_from(rect.y).get(usize::from(rect.x)..),
             _ => None,
         };
-        Self { frame, y, x, bytes: bytes.unwrap_or_default() }
+        Self { frame, rect, bytes: bytes.unwrap_or_default(), stride: frame.stride() }
     }
 
-    /// Takes `count` samples, at most a chunk, from column `first` of these on. What is in `into` beyond them means
-    /// nothing.
+    /// The samples of rows `y`, `y + every` and so on and what follows them, where bytes are samples and a line of them is
+    /// left.
     #[inline(always)]
-    pub(crate) fn load(&self, first: usize, count: usize, into: &mut [u16; CHUNK]) {
-        match self.bytes.get(first..).and_then(|bytes| bytes.first_chunk::<CHUNK>()) {
-            Some(bytes) => *into = bytes.map(u16::from),
-            None => self.load_any(first, count, into),
-        }
+    pub(crate) fn lines(&self, y: usize, every: usize) -> impl Iterator<Item = &'a Line> {
+        let step = every * self.stride;
+        let mut bytes = self.bytes.get(y * self.stride..).unwrap_or_default();
+        core::iter::from_fn(move || {
+            let line = bytes.first_chunk()?;
+            bytes = bytes.get(step..).unwrap_or_default();
+            Some(line)
+        })
     }
 
+    /// Takes `count` samples, at most a chunk, of row `y` from column `x` of the part on. What is in `into` beyond them
+    /// means nothing.
     #[inline(never)]
-    fn load_any(&self, first: usize, count: usize, into: &mut [u16; CHUNK]) {
-        match samples(self.frame, self.x + first as u16, self.y, count.min(CHUNK)) {
+    pub(crate) fn load(&self, y: usize, x: usize, count: usize, into: &mut [u16; CHUNK]) {
+        let at = (self.rect.x + x as u16, self.rect.y + y as u16);
+        match samples(self.frame, at.0, at.1, count.min(CHUNK)) {
             Samples::Byte(bytes) => into.iter_mut().zip(bytes).for_each(|(to, from)| *to = u16::from(*from)),
             Samples::Spread(bytes, step) => {
                 into.iter_mut().zip(bytes.iter().step_by(step)).for_each(|(to, from)| *to = u16::from(*from))
@@ -335,7 +345,8 @@ mod tests {
                 for count in 0..=samples.len() - x {
                     let expected = &samples[x..x + count];
                     let mut chunk = [0; CHUNK];
-                    Row::of(&frame, 0, x as u16).load(0, count, &mut chunk);
+                    let rect = Rect { x: 0, y: 0, width: samples.len(), height: 1 };
+                    Rows::of(&frame, rect).load(0, x, count, &mut chunk);
                     assert_eq!(chunk[..count], *expected, "{bits} bits, {count} from {x}");
                     let mut tops = std::vec![0; count];
                     top_bits(&frame, (x as u16, 0), 1, &mut tops);

@@ -1,7 +1,7 @@
 //! The model ring: an elliptic ring with blurred edges on white that may slope, and what its pixels say of its centre.
 
 use crate::edge::edge;
-use crate::lanes::{BLOCK, Column, Lanes, RUNS};
+use crate::lanes::{BLOCK, Column, Lanes, RUNS, inverse_sqrt};
 use crate::patch::{Part, Patch};
 use crate::profile::{Places, Profile, Radial};
 
@@ -273,16 +273,6 @@ fn add_pixels(places: &Places, pixels: &Pixels, sums: &mut [Lanes; SUMS]) {
     *sums = sum;
 }
 
-/// 1 / sqrt(x) to 2e-5 of itself, finite for every x >= 0.
-#[inline(always)]
-fn inverse_sqrt(x: f32) -> f32 {
-    // The bits of a float are nearly its logarithm: halve and negate it, then one step of third order. The constants make
-    // the largest error least: it moves a pixel at the largest radius by a thousandth.
-    let y = f32::from_bits(0x5f20_0000_u32.wrapping_sub(x.to_bits() >> 1));
-    let off = x * y * y;
-    y * (2.102_354_5 - off * (1.760_927_4 - 0.663_152_4 * off))
-}
-
 #[cfg(test)]
 mod tests {
     use gangway_device::{Frame, Layout};
@@ -290,16 +280,6 @@ mod tests {
     use super::*;
     use crate::loader::Rect;
     use crate::patch::Belt;
-
-    #[test]
-    fn the_inverse_root_is_good_to_a_fifty_thousandth() {
-        for i in -2000..4000 {
-            let x = 1.37f32 * 2f32.powf(0.01 * i as f32);
-            let exact = 1.0 / f64::from(x).sqrt();
-            assert!((f64::from(inverse_sqrt(x)) / exact - 1.0).abs() < 2e-5);
-        }
-        assert!(inverse_sqrt(0.0).is_finite());
-    }
 
     #[test]
     fn what_fills_up_a_block_says_nothing() {

@@ -3,8 +3,9 @@
 use gangway_device::Frame;
 
 use crate::MAX_SIDE;
+use crate::chords::{Chords, ROWS, Spans};
 use crate::lanes::BLOCK;
-use crate::loader::{CHUNK, Rect, Row};
+use crate::loader::{CHUNK, LINE, Line, Rect, Rows};
 
 /// Belts of a patch at the most.
 const MAX_BELTS: usize = 2;
@@ -12,12 +13,9 @@ const MAX_BELTS: usize = 2;
 /// A whole window, and what lies between belts and beyond the last one.
 const MAX_PIXELS: usize = MAX_SIDE * MAX_SIDE + MAX_BELTS * BLOCK;
 
-/// A gap in a row that is narrower, px, costs less than two spans.
-const WORTHWHILE_PX: f64 = 3.0;
-
-/// Columns from any one on, as many as a chunk has.
-const COLUMNS: [u8; 256 + CHUNK] = {
-    let mut columns = [0; 256 + CHUNK];
+/// The number of every column.
+const COLUMNS: Line = {
+    let mut columns = [0; LINE];
     let mut i = 0;
     while i < columns.len() {
         columns[i] = i as u8;
@@ -92,59 +90,76 @@ impl Patch {
         belt: &Belt,
         every: usize,
     ) -> Part {
-        let rect = self.rect;
         let block = self.count.div_ceil(BLOCK);
         self.count = block * BLOCK;
-        let own = [centre[0] - f64::from(rect.x), centre[1] - f64::from(rect.y)];
-        // q0 x^2 + 2 q1 x y + q2 y^2 = radius^2 with q the inverse of the shape.
-        let (q0, lean) = (shape[2], shape[1] / shape[2]);
-        let squares = [belt.from, belt.to].map(|radius| radius * radius * q0);
-        let per_q0 = 1.0 / q0;
-        // Rows that the belt reaches.
-        let reach = libm::sqrt(squares[1]);
-        let (first, last) = (rounded(own[1] - reach + 0.5), rounded(own[1] + reach + 0.5).min(rect.height));
-        for row in (first.next_multiple_of(every)..last).step_by(every) {
-            let dy = row as f64 - own[1];
-            // Half the chord that the row cuts out of each ellipse; none where it passes by.
-            let [from, to] = squares.map(|square| libm::sqrt((square - dy * dy).max(0.0)) * per_q0);
-            let middle = own[0] + lean * dy;
-            let line = Line {
-                samples: Row::of(frame, rect.y + row as u16, rect.x),
-                row: [row as u8; CHUNK],
-                width: rect.width,
-            };
-            if 2.0 * from > WORTHWHILE_PX {
-                self.take_span(&line, middle - to, middle - from);
-                self.take_span(&line, middle + from, middle + to);
-            } else {
-                self.take_span(&line, middle - to, middle + to);
+        let (rect, origin) = (self.rect, self.origin());
+        let own = [centre[0] - origin[0], centre[1] - origin[1]];
+        let chords = Chords::new(own, shape, belt, rect.width);
+        let (first, last) = chords.rows(rect.height);
+        let rows = Rows::of(frame, rect);
+        let mut spans = Spans::EMPTY;
+        let mut row = first.next_multiple_of(every);
+        while row < last {
+            chords.cross(row, every, &mut spans);
+            let count = ROWS.min((last - row).div_ceil(every));
+            let taken = self.take_lines(&rows, (row, every), count, &spans);
+            for i in taken..count {
+                for (start, end) in spans.of(i) {
+                    self.take_span(&rows, row + i * every, start, end);
+                }
             }
+            row += ROWS * every;
         }
         Part { block, count: self.count - block * BLOCK }
     }
 
-    /// Takes the pixels of a row from `low` to `high`.
-    #[inline(always)]
-    fn take_span(&mut self, line: &Line, low: f64, high: f64) {
-        // Rounded up and down: what lies nearer to a belt's edge than a pixel hardly counts.
-        let (start, end) = (rounded(low + 0.5), rounded(high + 0.5).min(line.width));
-        // Written in whole chunks: what is too much is overwritten by the next span.
-        let (mut first, mut at) = (start, self.count);
-        while first < end {
-            let from = at.min(MAX_PIXELS - CHUNK);
-            let (Some(x), Some(y), Some(values), Some(columns)) = (
-                chunk(&mut self.x, from),
-                chunk(&mut self.y, from),
-                chunk(&mut self.values, from),
-                COLUMNS.get(first & 0xff..).and_then(|columns| columns.first_chunk()),
-            ) else {
-                return;
+    /// Takes the pixels of `count` rows as long as a line of samples lies there ready, and says of how many. Not inlined: so
+    /// the compiler keeps all that the loop needs in registers.
+    #[inline(never)]
+    fn take_lines(
+        &mut self,
+        rows: &Rows,
+        (row, every): (usize, usize),
+        count: usize,
+        spans: &Spans,
+    ) -> usize {
+        let mut at = self.count;
+        let mut lines = rows.lines(row, every);
+        for i in 0..count.min(ROWS) {
+            let Some(line) = lines.next() else {
+                self.count = at;
+                return i;
             };
-            (*x, *y) = (*columns, line.row);
-            line.samples.load(first, (end - first).min(CHUNK), values);
-            (first, at) = (first + CHUNK, at + CHUNK);
+            let number = [(row + i * every) as u8; CHUNK];
+            for (start, end) in spans.of(i) {
+                // Written in whole chunks: what is too much is overwritten by the next span.
+                let (mut first, mut into) = (start, at);
+                while first < end {
+                    let from = into.min(MAX_PIXELS - CHUNK);
+                    put(&mut self.x, from, chunk_of(&COLUMNS, first));
+                    put(&mut self.y, from, number);
+                    put(&mut self.values, from, chunk_of(line, first).map(u16::from));
+                    (first, into) = (first + CHUNK, into + CHUNK);
+                }
+                at += end - start;
+            }
         }
-        self.count += end.saturating_sub(start);
+        self.count = at;
+        count
+    }
+
+    /// Takes the pixels of a row from `start` up to `end`, of any layout.
+    fn take_span(&mut self, rows: &Rows, row: usize, start: usize, end: usize) {
+        for first in (start..end).step_by(CHUNK) {
+            let count = (end - first).min(CHUNK);
+            let from = self.count.min(MAX_PIXELS - CHUNK);
+            put(&mut self.x, from, chunk_of(&COLUMNS, first));
+            put(&mut self.y, from, [row as u8; CHUNK]);
+            let mut values = [0; CHUNK];
+            rows.load(row, first, count, &mut values);
+            put(&mut self.values, from, values);
+            self.count += count;
+        }
     }
 
     /// What was taken, and how many pixels of each block; the others of the last one mean nothing.
@@ -156,23 +171,17 @@ impl Patch {
     }
 }
 
-/// A row of the part of the picture.
-struct Line<'a> {
-    samples: Row<'a>,
-    /// Its number, for every pixel of a chunk.
-    row: [u8; CHUNK],
-    width: usize,
-}
-
-/// The nearest whole number, 0 for less; for numbers that are no more than a picture's size, in fewer instructions than
-/// `as` takes, which minds all others.
+/// Writes a chunk of a column; nothing where that has none there.
 #[inline(always)]
-fn rounded(x: f64) -> usize {
-    /// Adding this leaves the number in the last bits.
-    const TO_BITS: f64 = 6_755_399_441_055_744.0;
-    ((x + TO_BITS).to_bits() as i32).max(0) as usize
+fn put<T: Copy>(column: &mut [T; MAX_PIXELS], at: usize, chunk: [T; CHUNK]) {
+    if let Some(into) = column.get_mut(at..at + CHUNK) {
+        into.copy_from_slice(&chunk);
+    }
 }
 
-fn chunk<T>(column: &mut [T; MAX_PIXELS], at: usize) -> Option<&mut [T; CHUNK]> {
-    column.get_mut(at..at + CHUNK)?.first_chunk_mut()
+/// A chunk of a line, from a column of a window on.
+#[inline(always)]
+fn chunk_of(line: &Line, first: usize) -> [u8; CHUNK] {
+    let first = first % (LINE - CHUNK);
+    core::array::from_fn(|i| line[first + i])
 }
