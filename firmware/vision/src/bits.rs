@@ -4,7 +4,7 @@
 //! of nine bits: 64 pixels at a time, by adders of single bits.
 
 use crate::MAX_SIDE;
-use crate::loader::Plane;
+use crate::loader::View;
 
 /// Words of 64 pixels in the longest row.
 pub(crate) const WORDS: usize = MAX_SIDE / 64;
@@ -50,17 +50,21 @@ impl Bits {
         self.rows.get(..self.height).unwrap_or_default()
     }
 
-    /// Sets the pixels of `plane` that are below `threshold`.
-    pub(crate) fn pack(&mut self, plane: &Plane, threshold: u8) {
-        (self.width, self.height) = (plane.width(), plane.height());
+    /// Sets the pixels of `view` that are below `threshold`.
+    pub(crate) fn pack(&mut self, view: &View, threshold: u8) {
+        (self.width, self.height) = (view.width(), view.height());
+        match self.width.div_ceil(64) {
+            0 | 1 => self.pack_words::<1>(view, threshold),
+            2 => self.pack_words::<2>(view, threshold),
+            _ => self.pack_words::<WORDS>(view, threshold),
+        }
+    }
+
+    fn pack_words<const N: usize>(&mut self, view: &View, threshold: u8) {
         let mask = row_mask(self.width);
-        let words = self.width.div_ceil(64);
-        for (bits, samples) in self.rows.iter_mut().zip(plane.rows()) {
-            *bits = [0; WORDS];
-            let (blocks, _) = samples.as_chunks::<64>();
-            for ((word, block), mask) in bits.iter_mut().zip(blocks).zip(mask).take(words) {
-                *word = below(block, threshold) & mask;
-            }
+        for (bits, samples) in self.rows.iter_mut().zip(view.rows(1)) {
+            let blocks = samples.as_chunks().0;
+            *bits = core::array::from_fn(|i| if i < N { below(&blocks[i], threshold) & mask[i] } else { 0 });
         }
     }
 
@@ -120,6 +124,16 @@ impl Bits {
         if let Some(row) = rows.last_mut() {
             put(row, None);
         }
+    }
+
+    /// A window made by hand.
+    #[cfg(test)]
+    pub(crate) fn of(width: usize, height: usize, is_dark: impl Fn(usize, usize) -> bool) -> Self {
+        let mut bits = Self { width, height, ..Self::new() };
+        for (y, row) in bits.rows.iter_mut().take(height).enumerate() {
+            (0..width).for_each(|x| row[x / 64] |= u64::from(is_dark(x, y)) << (x % 64));
+        }
+        bits
     }
 
     /// Whether pixel (x, y) is dark.
@@ -246,12 +260,12 @@ fn dilated<const N: usize>(above: &Pair<N>, row: &Pair<N>, below: &Pair<N>, i: u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::loader::Plane;
     use crate::synthetic::Random;
 
-    fn noise(width: usize, height: usize, seed: u64) -> std::boxed::Box<Plane> {
+    fn noise(width: usize, height: usize, seed: u64) -> std::vec::Vec<u8> {
         let mut random = Random::new(seed);
-        let samples: std::vec::Vec<u8> = (0..width * height).map(|_| random.next() as u8).collect();
-        Plane::from_fn(width, height, |x, y| samples[y * width + x])
+        (0..width * height).map(|_| random.next() as u8).collect()
     }
 
     const SIZES: [(usize, usize); 9] =
@@ -265,12 +279,13 @@ mod tests {
     fn packing_is_comparing() {
         for (width, height) in SIZES {
             for threshold in [1, 2, 127, 128, 129, 254, 255] {
-                let plane = noise(width, height, u64::from(threshold));
+                let samples = noise(width, height, u64::from(threshold));
+                let mut plane = std::boxed::Box::new(Plane::new());
                 let mut bits = Bits::new();
-                bits.pack(&plane, threshold);
+                bits.pack(&plane.fill(width, height, |x, y| samples[y * width + x]), threshold);
                 for y in 0..height {
                     for x in 0..MAX_SIDE {
-                        assert_eq!(bits.get(x, y), x < width && plane.rows()[y][x] < threshold);
+                        assert_eq!(bits.get(x, y), x < width && samples[y * width + x] < threshold);
                     }
                 }
             }
@@ -280,14 +295,15 @@ mod tests {
     #[test]
     fn the_majority_of_bits_is_the_threshold_of_the_median() {
         for (width, height) in SIZES {
-            let plane = noise(width, height, 3);
-            let mut bits = Bits::new();
-            bits.pack(&plane, 120);
+            let samples = noise(width, height, 3);
+            let mut bits = Bits::of(width, height, |x, y| samples[y * width + x] < 120);
             bits.median();
             for y in 0..height {
                 for x in 0..width {
                     let mut nine: std::vec::Vec<u8> = (0..9)
-                        .map(|i| plane.rows()[clamped(y, i / 3 - 1, height)][clamped(x, i % 3 - 1, width)])
+                        .map(|i| {
+                            samples[clamped(y, i / 3 - 1, height) * width + clamped(x, i % 3 - 1, width)]
+                        })
                         .collect();
                     nine.sort_unstable();
                     assert_eq!(bits.get(x, y), nine[4] < 120, "{width} x {height} at {x}, {y}");
@@ -300,12 +316,11 @@ mod tests {
     fn opening_is_erosion_then_dilation_by_the_cross() {
         const CROSS: [(isize, isize); 5] = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)];
         for (width, height) in SIZES {
-            let plane = noise(width, height, 4);
-            let mut bits = Bits::new();
-            bits.pack(&plane, 200);
+            let samples = noise(width, height, 4);
+            let mut bits = Bits::of(width, height, |x, y| samples[y * width + x] < 200);
             let dark = |x: isize, y: isize| {
                 let inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
-                inside.then(|| plane.rows()[y as usize][x as usize] < 200)
+                inside.then(|| samples[y as usize * width + x as usize] < 200)
             };
             let eroded = |x: isize, y: isize| {
                 dark(x, y).is_some() && CROSS.iter().all(|(dx, dy)| dark(x + dx, y + dy) != Some(false))

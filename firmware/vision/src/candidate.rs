@@ -66,8 +66,8 @@ pub(crate) fn find(
     let size = [bits.width(), bits.height()];
     let expected = Expected { search, settings, max_centroid_distance, size };
     // Rings do not overlap: the one that has the predicted centre in its hole is the nearest.
-    if let Some((hole, dark)) = components.ring_at(bits, search.at)
-        && let Ok(candidate) = expected.ring(&hole, &dark)
+    if let Some((hole, filled)) = components.ring_at(bits, search.at)
+        && let Ok(candidate) = expected.ring(&hole, &filled)
     {
         return Ok(candidate);
     }
@@ -75,8 +75,8 @@ pub(crate) fn find(
     let mut refusal = Refusal::NotFound;
     components.find(bits).map_err(|_| Miss { refusal, cut_at: None })?;
     // Clutter ends the search.
-    while let Ok(Some((hole, dark))) = components.next_ring(bits, expected.least_hole()) {
-        match expected.ring(&hole, &dark) {
+    while let Ok(Some((hole, filled))) = components.next_ring(bits, expected.least_hole()) {
+        match expected.ring(&hole, &filled) {
             Ok(candidate) => {
                 let off = distance(candidate.centre, search.at);
                 if best.is_none_or(|(least, _)| off < least) {
@@ -124,15 +124,14 @@ impl Expected<'_> {
         0.5 * self.area() / (self.search.ratio * self.search.ratio * self.most())
     }
 
-    /// The ring that a hole and the dark around it are; `NotFound` where there is nothing like one.
-    fn ring(&self, hole: &Part, dark: &Part) -> Result<Candidate, Refusal> {
-        if !dark.encloses(hole)
-            || dark.touches_edge(self.size)
+    /// The ring that a hole and the dark around it are, together; `NotFound` where there is nothing like one.
+    fn ring(&self, hole: &Part, ring: &Part) -> Result<Candidate, Refusal> {
+        let dark = ring.without(hole);
+        if ring.touches_edge(self.size)
             || distance(dark.centroid(), hole.centroid()) > self.max_centroid_distance
         {
             return Err(Refusal::NotFound);
         }
-        let ring = dark.and(hole);
         let (filled, area) = (f64::from(ring.area), f64::from(hole.area));
         let (centre, shape) = (ring.centroid(), ring.moments());
         let closed = filled / (area * self.search.ratio * self.search.ratio);

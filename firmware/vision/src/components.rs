@@ -4,6 +4,8 @@
 //! A ring is a dark component about a bright one that does not touch the window's edge: a hole. So the outside is
 //! flooded first, a row of bits at a time; what it leaves are the holes, and the dark around each is flooded in turn.
 
+use core::ops::Range;
+
 use crate::MAX_SIDE;
 use crate::bits::{Bits, WORDS};
 
@@ -36,9 +38,9 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    const EMPTY: Self = Self { area: 0, sums: [0; 2], squares: [0; 3], low: [u8::MAX; 2], high: [0; 2] };
+    const EMPTY: Self = Self { area: 0, sums: [0; 2], squares: [0; 3], low: [0; 2], high: [0; 2] };
 
-    /// Adds pixels `start` up to `end`, that one excluded, of row `y`.
+    /// Adds pixels `start` up to `end`, that one excluded, of row `y`, but for the bounding box.
     #[inline(always)]
     fn add_run(&mut self, y: u32, start: u32, end: u32) {
         let length = end - start;
@@ -48,8 +50,6 @@ impl Part {
         self.sums = [self.sums[0] + sums, self.sums[1] + length * y];
         let [xx, xy, yy] = self.squares;
         self.squares = [xx + squares, xy + sums * y, yy + length * y * y];
-        self.low = [self.low[0].min(start as u8), self.low[1].min(y as u8)];
-        self.high = [self.high[0].max(end as u8 - 1), self.high[1].max(y as u8)];
     }
 
     /// Centroid in the window.
@@ -58,14 +58,13 @@ impl Part {
         self.sums.map(|sum| f64::from(sum) / area)
     }
 
-    /// This and another one together.
-    pub(crate) fn and(&self, other: &Self) -> Self {
+    /// What is left of this without another one that lies within it and reaches its bounding box nowhere.
+    pub(crate) fn without(&self, other: &Self) -> Self {
         Self {
-            area: self.area + other.area,
-            sums: [0, 1].map(|i| self.sums[i] + other.sums[i]),
-            squares: [0, 1, 2].map(|i| self.squares[i] + other.squares[i]),
-            low: [0, 1].map(|i| self.low[i].min(other.low[i])),
-            high: [0, 1].map(|i| self.high[i].max(other.high[i])),
+            area: self.area - other.area,
+            sums: [0, 1].map(|i| self.sums[i] - other.sums[i]),
+            squares: [0, 1, 2].map(|i| self.squares[i] - other.squares[i]),
+            ..*self
         }
     }
 
@@ -80,11 +79,6 @@ impl Part {
     /// Whether it touches the edge of a window of this width and height.
     pub(crate) fn touches_edge(&self, size: [usize; 2]) -> bool {
         (0..2).any(|i| self.low[i] == 0 || self.high[i] as usize + 1 >= size[i])
-    }
-
-    /// Whether the bounding box of `other` lies strictly within this one's.
-    pub(crate) fn encloses(&self, other: &Self) -> bool {
-        (0..2).all(|i| self.low[i] < other.low[i] && other.high[i] < self.high[i])
     }
 }
 
@@ -114,8 +108,9 @@ enum Reach {
 pub(crate) struct Components {
     /// Bright pixels that are not outside; those looked at are taken out.
     holes: [Row; MAX_SIDE],
-    /// The component that is being flooded.
+    /// The component that was flooded, and the dark around it.
     region: [Row; MAX_SIDE],
+    ring: [Row; MAX_SIDE],
     width: usize,
     height: usize,
 }
@@ -123,7 +118,7 @@ pub(crate) struct Components {
 impl Components {
     pub(crate) const fn new() -> Self {
         let rows = [[0; WORDS]; MAX_SIDE];
-        Self { holes: rows, region: rows, width: 0, height: 0 }
+        Self { holes: rows, region: rows, ring: rows, width: 0, height: 0 }
     }
 
     /// Floods the outside of the bright pixels of `bits`: all that reach the window's edge.
@@ -186,8 +181,8 @@ impl Components {
         Err(Clutter)
     }
 
-    /// The hole that has this pixel, or that is in the middle of the dark component that has it, and the dark component
-    /// around the hole; `None` where what is there is none or reaches the edge.
+    /// The hole that has this pixel, or that is in the middle of the dark component that has it, and the hole together with
+    /// the dark component around it; `None` where what is there is none or reaches the edge.
     pub(crate) fn ring_at(&mut self, bits: &Bits, at: [f64; 2]) -> Option<(Part, Part)> {
         (self.width, self.height) = (bits.width(), bits.height());
         // What is outside the window is outside its rows too.
@@ -204,34 +199,38 @@ impl Components {
         let mut at = (x, y);
         if dark.has(at) {
             let rows = flood(&dark, &mut self.region, at, Reach::Diagonals).ok()?;
-            at = part::<N>(&self.region, rows).centroid().map(|at| libm::round(at) as usize).into();
+            at = part::<N>(&self.region, &rows).centroid().map(|at| libm::round(at) as usize).into();
         }
         if !bright.has(at) {
             return None;
         }
         let rows = flood(&bright, &mut self.region, at, Reach::Sides).ok()?;
-        let bright = part::<N>(&self.region, rows);
-        if bright.touches_edge([self.width, self.height]) {
+        let hole = part::<N>(&self.region, &rows);
+        if hole.touches_edge([self.width, self.height]) {
             return None;
         }
-        let first = first_pixel::<N>(self.region.get(rows.0..rows.1)?)?;
-        let dark = self.around::<N>(bits, (first.0, rows.0 + first.1)).ok()??;
-        Some((bright, dark))
+        let (x, y) = first_pixel::<N>(self.region.get(rows.clone())?)?;
+        let filled = self.filled::<N>(bits, &rows, (x, rows.start + y)).ok()??;
+        Some((hole, filled))
     }
 
-    /// The dark component around a hole with this first pixel.
-    fn around<const N: usize>(
+    /// The hole that was flooded last, which lies in these rows and has this first pixel, together with the dark component
+    /// around it.
+    fn filled<const N: usize>(
         &mut self,
         bits: &Bits,
+        hole: &Range<usize>,
         (x, y): (usize, usize),
     ) -> Result<Option<Part>, Clutter> {
         // The pixel to the left of a hole's first one is dark and around the hole.
         let Some(left) = x.checked_sub(1) else { return Ok(None) };
-        let rows = flood(&Mask::<N>::set(bits.rows()), &mut self.region, (left, y), Reach::Diagonals)?;
-        Ok(Some(part::<N>(&self.region, rows)))
+        let rows = flood(&Mask::<N>::set(bits.rows()), &mut self.ring, (left, y), Reach::Diagonals)?;
+        let both = self.ring.iter_mut().zip(&self.region).take(hole.end).skip(hole.start);
+        both.for_each(|(ring, hole)| put(ring, &core::array::from_fn::<u64, N, _>(|i| ring[i] | hole[i])));
+        Ok(Some(part::<N>(&self.ring, &rows)))
     }
 
-    /// The next hole of at least `least` pixels, from the top, and the dark component around it.
+    /// The next hole of at least `least` pixels, from the top, and it together with the dark component around it.
     pub(crate) fn next_ring(&mut self, bits: &Bits, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
         match self.words() {
             1 => self.next_ring_in::<1>(bits, least),
@@ -249,12 +248,12 @@ impl Components {
             let Some(first) = first_pixel::<N>(self.holes.get(..self.height).unwrap_or_default()) else {
                 return Ok(None);
             };
-            let bright = self.take_part::<N>(first, Reach::Sides)?;
-            if f64::from(bright.area) < least {
+            let (hole, rows) = self.take_part::<N>(first, Reach::Sides)?;
+            if f64::from(hole.area) < least {
                 continue;
             }
-            let Some(dark) = self.around::<N>(bits, first)? else { continue };
-            return Ok(Some((bright, dark)));
+            let Some(filled) = self.filled::<N>(bits, &rows, first)? else { continue };
+            return Ok(Some((hole, filled)));
         }
         Err(Clutter)
     }
@@ -265,21 +264,25 @@ impl Components {
         for _ in 0..MAX_HOLES {
             let holes = self.holes.get(..self.height).unwrap_or_default();
             let Some(seed) = first_pixel::<WORDS>(holes) else { return };
-            let Ok(part) = self.take_part::<WORDS>(seed, Reach::Diagonals) else { return };
+            let Ok((part, _)) = self.take_part::<WORDS>(seed, Reach::Diagonals) else { return };
             visit(&part);
         }
     }
 
-    /// The component of the holes that has this pixel, which is taken out of them.
-    fn take_part<const N: usize>(&mut self, seed: (usize, usize), reach: Reach) -> Result<Part, Clutter> {
+    /// The component of the holes that has this pixel, which is taken out of them, and its rows.
+    fn take_part<const N: usize>(
+        &mut self,
+        seed: (usize, usize),
+        reach: Reach,
+    ) -> Result<(Part, Range<usize>), Clutter> {
         let holes = self.holes.get(..self.height).unwrap_or_default();
         let rows = flood(&Mask::<N>::set(holes), &mut self.region, seed, reach)?;
-        for (hole, region) in self.holes.iter_mut().zip(&self.region).take(rows.1).skip(rows.0) {
+        for (hole, region) in self.holes.iter_mut().zip(&self.region).take(rows.end).skip(rows.start) {
             for i in 0..N {
                 hole[i] &= !region[i];
             }
         }
-        Ok(part::<N>(&self.region, rows))
+        Ok((part::<N>(&self.region, &rows), rows))
     }
 }
 
@@ -334,14 +337,14 @@ impl<'a, const N: usize> Mask<'a, N> {
     }
 }
 
-/// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies: from the first up
-/// to the second, that one excluded. Other rows of `region` mean nothing.
+/// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies. Other rows of
+/// `region` mean nothing.
 fn flood<const N: usize>(
     mask: &Mask<N>,
     region: &mut [Row; MAX_SIDE],
     (x, y): (usize, usize),
     reach: Reach,
-) -> Result<(usize, usize), Clutter> {
+) -> Result<Range<usize>, Clutter> {
     let (mut from, mut to) = (y, y + 1);
     let mut seed = [0; N];
     *seed.get_mut(x / 64).ok_or(Clutter)? = 1 << (x % 64);
@@ -364,7 +367,7 @@ fn flood<const N: usize>(
             row += 1;
         }
         if sweep > 0 && !front.is_wanted_back {
-            return Ok((from, to));
+            return Ok(from..to);
         }
         let mut front = Front::new(reach);
         let mut rows = (0..to).rev();
@@ -382,7 +385,7 @@ fn flood<const N: usize>(
             }
         }
         if !front.is_wanted_back {
-            return Ok((from, to));
+            return Ok(from..to);
         }
     }
     Err(Clutter)
@@ -474,12 +477,13 @@ fn fill<const N: usize>(seed: &[u64; N], mask: &[u64; N]) -> [u64; N] {
     filled
 }
 
-/// Area, moments and bounding box of a region.
-fn part<const N: usize>(region: &[Row; MAX_SIDE], (from, to): (usize, usize)) -> Part {
+/// Area, moments and bounding box of a region that has pixels in each of these rows.
+fn part<const N: usize>(region: &[Row; MAX_SIDE], rows: &Range<usize>) -> Part {
     let mut part = Part::EMPTY;
-    let rows = region.get(from..to).unwrap_or_default();
-    for (y, row) in (from as u32..).zip(rows) {
+    let mut columns = [0; N];
+    for (y, row) in (rows.start as u32..).zip(region.get(rows.clone()).unwrap_or_default()) {
         for i in 0..N {
+            columns[i] |= row[i];
             // Runs that cross from word to word count as two: the sums are the same.
             let mut rest = row[i];
             while rest != 0 {
@@ -491,6 +495,12 @@ fn part<const N: usize>(region: &[Row; MAX_SIDE], (from, to): (usize, usize)) ->
             }
         }
     }
+    let (first, last) =
+        (columns.iter().position(|word| *word != 0), columns.iter().rposition(|word| *word != 0));
+    let first = first.map_or(0, |i| 64 * i as u32 + columns[i].trailing_zeros());
+    let last = last.map_or(0, |i| 64 * i as u32 + 63 - columns[i].leading_zeros());
+    part.low = [first as u8, rows.start as u8];
+    part.high = [last as u8, rows.end.max(1) as u8 - 1];
     part
 }
 

@@ -37,18 +37,22 @@ fn clip(low: f64, high: f64, size: u16) -> Option<(u16, usize)> {
     (1..=MAX_SIDE).contains(&count).then_some((first, count))
 }
 
-/// A window of 8-bit samples.
+/// Room for a window of 8-bit samples.
 pub(crate) struct Plane {
     rows: [[u8; MAX_SIDE]; MAX_SIDE],
+}
+
+/// A window of 8-bit samples, where they lie.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a> {
+    /// From the first sample on, to the last row's `MAX_SIDE`th byte at the least.
+    bytes: &'a [u8],
+    stride: usize,
     width: usize,
     height: usize,
 }
 
-impl Plane {
-    pub(crate) const fn new() -> Self {
-        Self { rows: [[0; MAX_SIDE]; MAX_SIDE], width: 0, height: 0 }
-    }
-
+impl<'a> View<'a> {
     pub(crate) fn width(&self) -> usize {
         self.width
     }
@@ -57,43 +61,60 @@ impl Plane {
         self.height
     }
 
-    /// The rows of the window; bytes beyond `width` mean nothing.
-    pub(crate) fn rows(&self) -> &[[u8; MAX_SIDE]] {
-        self.rows.get(..self.height).unwrap_or_default()
+    /// Every `every`th row; bytes beyond `width` mean nothing.
+    pub(crate) fn rows(&self, every: usize) -> impl Iterator<Item = &'a [u8; MAX_SIDE]> {
+        rows(self.bytes, every * self.stride).take(self.height.div_ceil(every))
+    }
+}
+
+/// Rows of bytes, so many bytes apart, as long as there are as many as a row has.
+#[inline(always)]
+fn rows<const N: usize>(mut bytes: &[u8], step: usize) -> impl Iterator<Item = &[u8; N]> {
+    core::iter::from_fn(move || {
+        let row = bytes.first_chunk()?;
+        bytes = bytes.get(step..).unwrap_or_default();
+        Some(row)
+    })
+}
+
+impl Plane {
+    pub(crate) const fn new() -> Self {
+        Self { rows: [[0; MAX_SIDE]; MAX_SIDE] }
     }
 
-    /// Takes the top 8 bits of every `every`th sample of `rect`, either way.
-    pub(crate) fn load(&mut self, frame: &Frame, rect: Rect, every: usize) {
+    /// The top 8 bits of every `every`th sample of `rect`, either way: where they are in the frame if they lie there as
+    /// bytes, or taken from there.
+    pub(crate) fn load<'a>(&'a mut self, frame: &Frame<'a>, rect: Rect, every: usize) -> View<'a> {
         let every = every.max(1);
-        self.width = rect.width.div_ceil(every).min(MAX_SIDE);
-        self.height = rect.height.div_ceil(every).min(MAX_SIDE);
-        for (row, y) in self.rows.iter_mut().take(self.height).zip((rect.y..).step_by(every)) {
+        let [width, height] = [rect.width, rect.height].map(|side| side.div_ceil(every).min(MAX_SIDE));
+        if every == 1 && frame.layout() == Layout::GREY {
+            let bytes = frame.rows_from(rect.y).get(usize::from(rect.x)..).unwrap_or_default();
+            let stride = frame.stride();
+            // The last rows of a picture may have less behind them.
+            if bytes.len() >= (height - 1) * stride + MAX_SIDE {
+                return View { bytes, stride, width, height };
+            }
+        }
+        for (row, y) in self.rows.iter_mut().take(height).zip((rect.y..).step_by(every)) {
             let bytes = match frame.layout() {
                 Layout::GREY => frame.row(y).and_then(|bytes| bytes.get(usize::from(rect.x)..)),
                 _ => None,
             };
-            let is_taken = bytes.is_some_and(|bytes| thin(bytes, every, self.width, row));
-            if !is_taken && let Some(into) = row.get_mut(..self.width) {
+            let is_taken = every == 2 && bytes.is_some_and(|bytes| thin(bytes, width, row));
+            if !is_taken && let Some(into) = row.get_mut(..width) {
                 top_bits(frame, (rect.x, y), every, into);
             }
         }
+        View { bytes: self.rows.as_flattened(), stride: MAX_SIDE, width, height }
     }
 
     /// A window made by hand.
     #[cfg(test)]
-    pub(crate) fn from_fn(
-        width: usize,
-        height: usize,
-        at: impl Fn(usize, usize) -> u8,
-    ) -> std::boxed::Box<Self> {
-        let mut plane = std::boxed::Box::new(Self::new());
-        (plane.width, plane.height) = (width, height);
-        for y in 0..height {
-            for x in 0..width {
-                plane.rows[y][x] = at(x, y);
-            }
+    pub(crate) fn fill(&mut self, width: usize, height: usize, at: impl Fn(usize, usize) -> u8) -> View<'_> {
+        for (y, row) in self.rows.iter_mut().take(height).enumerate() {
+            row.iter_mut().take(width).enumerate().for_each(|(x, sample)| *sample = at(x, y));
         }
-        plane
+        View { bytes: self.rows.as_flattened(), stride: MAX_SIDE, width, height }
     }
 }
 
@@ -121,33 +142,13 @@ fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
     }
 }
 
-/// Bytes of a short row, which are copied in a few instructions.
-const SHORT: usize = 64;
-
-/// Takes the first `width` of every `every`th of some bytes, and what is left of whole chunks; whether there are as many.
+/// Takes every second of some bytes, `width` of them and what is left of whole chunks; whether there are as many.
 #[inline(always)]
-fn thin(bytes: &[u8], every: usize, width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
+fn thin(bytes: &[u8], width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
     let size = width.next_multiple_of(CHUNK);
-    match every {
-        1 if width <= SHORT => {
-            let (Some(into), Some(bytes)) = (into.first_chunk_mut::<SHORT>(), bytes.first_chunk()) else {
-                return false;
-            };
-            *into = *bytes;
-        }
-        1 => {
-            let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..size)) else { return false };
-            into.copy_from_slice(bytes);
-        }
-        2 => {
-            let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..2 * size)) else {
-                return false;
-            };
-            let chunks = into.as_chunks_mut().0.iter_mut().zip(bytes.as_chunks().0);
-            chunks.for_each(|(to, from)| halve(from, to));
-        }
-        _ => return false,
-    }
+    let (Some(into), Some(bytes)) = (into.get_mut(..size), bytes.get(..2 * size)) else { return false };
+    let chunks = into.as_chunks_mut().0.iter_mut().zip(bytes.as_chunks().0);
+    chunks.for_each(|(to, from)| halve(from, to));
     true
 }
 
@@ -195,13 +196,7 @@ impl<'a> Rows<'a> {
     /// left.
     #[inline(always)]
     pub(crate) fn lines(&self, y: usize, every: usize) -> impl Iterator<Item = &'a Line> {
-        let step = every * self.stride;
-        let mut bytes = self.bytes.get(y * self.stride..).unwrap_or_default();
-        core::iter::from_fn(move || {
-            let line = bytes.first_chunk()?;
-            bytes = bytes.get(step..).unwrap_or_default();
-            Some(line)
-        })
+        rows(self.bytes.get(y * self.stride..).unwrap_or_default(), every * self.stride)
     }
 
     /// Takes `count` samples, at most a chunk, of row `y` from column `x` of the part on. What is in `into` beyond them

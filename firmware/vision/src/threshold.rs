@@ -1,6 +1,6 @@
 //! P-tile threshold (thesis 3.2.5, equation 3.2), half way between the two levels that the known ring share gives.
 
-use crate::loader::Plane;
+use crate::loader::View;
 
 /// Share of the window's samples that are brighter than its bright level. White paper fills at least this
 /// much of a window of 2 to 3 diameters, even where a post hides part of it.
@@ -31,8 +31,8 @@ const BINS: usize = 64;
 
 /// Levels of a window of which `ring_share` is the ring's black: dark is the mean of the darkest such share,
 /// bright the level that a fifth of the samples exceed.
-pub(crate) fn levels(plane: &Plane, ring_share: f64) -> Levels {
-    let histogram = histogram(plane, SAMPLED_ROWS);
+pub(crate) fn levels(view: &View, ring_share: f64) -> Levels {
+    let histogram = histogram(view, SAMPLED_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
     // The middle of a bin.
     let level = |bin: u32| f64::from(BIN * bin) + 0.5 * f64::from(BIN - 1);
@@ -66,8 +66,8 @@ const DARK_SHARE: f64 = 0.5;
 
 /// Levels of a window of which `disc_share` is a bright disc: bright is the mean of the brightest such share, dark the
 /// level that half of the samples stay below.
-pub(crate) fn disc_levels(plane: &Plane, disc_share: f64) -> Levels {
-    let histogram = histogram(plane, SAMPLED_DISC_ROWS);
+pub(crate) fn disc_levels(view: &View, disc_share: f64) -> Levels {
+    let histogram = histogram(view, SAMPLED_DISC_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
     let level = |bin: u32| f64::from(BIN * bin) + 0.5 * f64::from(BIN - 1);
     let wanted = (disc_share * f64::from(count)).max(1.0) as u32;
@@ -93,12 +93,11 @@ pub(crate) fn disc_levels(plane: &Plane, disc_share: f64) -> Levels {
 }
 
 /// Histogram of every second sample of a row, and of every second row or fewer where the window is large.
-fn histogram(plane: &Plane, rows: usize) -> [u16; BINS] {
+fn histogram(view: &View, rows: usize) -> [u16; BINS] {
     // Four tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
     let mut tables = [[0u16; BINS]; 4];
-    let every = (plane.height() / rows).max(1);
-    for row in plane.rows().iter().step_by(every) {
-        let row = row.get(..plane.width()).unwrap_or_default();
+    for row in view.rows((view.height() / rows).max(1)) {
+        let row = row.get(..view.width()).unwrap_or_default();
         let (eights, rest) = row.as_chunks::<8>();
         for eight in eights {
             for (table, &sample) in tables.iter_mut().zip(eight.iter().step_by(2)) {

@@ -167,14 +167,14 @@ impl Tracker {
         }
         let window = Window::of(rect, diameter);
 
-        self.plane.load(frame, rect, window.every);
+        let view = self.plane.load(frame, rect, window.every);
         let filled = PI * diameter * diameter / 4.0;
         let ring = filled * (1.0 - 1.0 / (search.ratio * search.ratio));
-        let levels = threshold::levels(&self.plane, ring / (rect.width * rect.height) as f64);
+        let levels = threshold::levels(&view, ring / (rect.width * rect.height) as f64);
         if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
             return Err(refused(Refusal::LowContrast));
         }
-        self.bits.pack(&self.plane, levels.threshold());
+        self.bits.pack(&view, levels.threshold());
         if self.settings.median {
             self.bits.median();
         }

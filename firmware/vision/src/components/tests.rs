@@ -1,7 +1,6 @@
 //! What must hold of components, against a naive flood fill.
 
 use super::*;
-use crate::loader::Plane;
 use crate::synthetic::Random;
 use std::boxed::Box;
 use std::vec::Vec;
@@ -52,8 +51,8 @@ fn rings(bits: &Bits) -> Result<Vec<[Sums; 2]>, Clutter> {
     let mut components = Box::new(Components::new());
     components.find(bits)?;
     let mut out = Vec::new();
-    while let Some((hole, dark)) = components.next_ring(bits, 0.0)? {
-        out.push([hole, dark].map(sums));
+    while let Some((hole, filled)) = components.next_ring(bits, 0.0)? {
+        out.push([hole, filled.without(&hole)].map(sums));
     }
     Ok(out)
 }
@@ -62,14 +61,12 @@ fn sums(part: Part) -> Sums {
     (part.area, part.sums[0], part.sums[1])
 }
 
-fn check(plane: &Plane) {
-    let (width, height) = (plane.width(), plane.height());
-    let mut bits = Bits::new();
-    bits.pack(plane, 128);
+fn check(bits: &Bits) {
+    let (width, height) = (bits.width(), bits.height());
     let dark = flood(width, height, |x, y| bits.get(x, y), true);
     let bright = flood(width, height, |x, y| !bits.get(x, y), false);
     let mut holes: Vec<_> = bright.iter().filter(|c| !c.3).map(|&(a, x, y, _)| (a, x, y)).collect();
-    let mut found = rings(&bits).unwrap();
+    let mut found = rings(bits).unwrap();
     for [_, around] in &found {
         assert!(dark.iter().any(|&(a, x, y, _)| (a, x, y) == *around), "{around:?}");
     }
@@ -82,8 +79,8 @@ fn check(plane: &Plane) {
         let pixels = (0..width * height).map(|i| (i % width, i / width));
         pixels
             .filter(|&(x, y)| bits.get(x, y) == is_dark)
-            .filter_map(|(x, y)| components.ring_at(&bits, [x as f64, y as f64]))
-            .map(|(hole, dark)| [hole, dark].map(sums))
+            .filter_map(|(x, y)| components.ring_at(bits, [x as f64, y as f64]))
+            .map(|(hole, filled)| [hole, filled.without(&hole)].map(sums))
             .collect()
     };
     assert!(rings_of(true).iter().all(|ring| found.contains(ring)));
@@ -94,9 +91,9 @@ fn check(plane: &Plane) {
     about.dedup();
     assert_eq!(about, found);
 
-    components.find(&bits).unwrap();
+    components.find(bits).unwrap();
     let (mut all, mut count) = (Vec::new(), 0);
-    components.each_dark(&bits, |part| {
+    components.each_dark(bits, |part| {
         all.push((part.area, part.sums[0], part.sums[1]));
         count += 1;
     });
@@ -115,7 +112,7 @@ fn holes_and_what_is_around_them_are_those_of_a_flood_fill() {
     {
         for share in [10u64, 30, 50, 70, 90] {
             let dark: Vec<bool> = (0..width * height).map(|_| random.next() % 100 < share).collect();
-            check(&Plane::from_fn(width, height, |x, y| if dark[y * width + x] { 9 } else { 200 }));
+            check(&Bits::of(width, height, |x, y| dark[y * width + x]));
         }
     }
 }
@@ -124,9 +121,9 @@ fn holes_and_what_is_around_them_are_those_of_a_flood_fill() {
 fn what_winds_is_followed_and_what_winds_without_end_is_clutter() {
     // Nested rectangles joined at one place.
     let nested = |side: usize| {
-        Plane::from_fn(side, side, |x, y| {
+        Bits::of(side, side, |x, y| {
             let ring = x.min(y).min(side - 1 - x).min(side - 1 - y);
-            if ring % 2 == 0 || (x == side / 2 && y > side / 2) { 9 } else { 200 }
+            ring % 2 == 0 || (x == side / 2 && y > side / 2)
         })
     };
     check(&nested(41));
@@ -138,17 +135,14 @@ fn what_winds_is_followed_and_what_winds_without_end_is_clutter() {
         let gap = if x % 4 == 2 { height - 2 } else { 1 };
         if edge { (x, y) != (1, 0) } else { x.is_multiple_of(2) && y != gap }
     };
-    let mut bits = Bits::new();
-    bits.pack(&Plane::from_fn(width, height, |x, y| if wall(x, y) { 9 } else { 200 }), 128);
-    assert_eq!(rings(&bits), Err(Clutter));
+    assert_eq!(rings(&Bits::of(width, height, wall)), Err(Clutter));
 }
 
 #[test]
 fn a_ring_on_a_sheet_with_dark_around_it_is_found() {
     let radius = |x: usize, y: usize| (x as f64 - 20.0).hypot(y as f64 - 20.0);
     let dark = |x: usize, y: usize| radius(x, y) > 16.0 || (5.0..10.0).contains(&radius(x, y));
-    let mut bits = Bits::new();
-    bits.pack(&Plane::from_fn(41, 41, |x, y| if dark(x, y) { 9 } else { 200 }), 128);
+    let bits = Bits::of(41, 41, dark);
     let mut components = Box::new(Components::new());
     components.find(&bits).unwrap();
     let found: Vec<_> = core::iter::from_fn(|| components.next_ring(&bits, 1.0).unwrap()).collect();
@@ -160,15 +154,12 @@ fn a_ring_on_a_sheet_with_dark_around_it_is_found() {
 #[test]
 fn moments_are_those_of_the_pixels() {
     let radius = |x: usize, y: usize| (x as f64 - 20.3).hypot(y as f64 - 17.8);
-    let plane = Plane::from_fn(40, 36, |x, y| if (4.0..9.5).contains(&radius(x, y)) { 0 } else { 255 });
-    let mut bits = Bits::new();
-    bits.pack(&plane, 128);
+    let bits = Bits::of(40, 36, |x, y| (4.0..9.5).contains(&radius(x, y)));
     let mut components = Box::new(Components::new());
     components.find(&bits).unwrap();
-    let (hole, dark) = components.next_ring(&bits, 1.0).unwrap().unwrap();
-    assert!(dark.encloses(&hole) && !hole.encloses(&dark));
-    let filled = dark.and(&hole);
-    assert_eq!((filled.low, filled.high), (dark.low, dark.high));
+    let (hole, filled) = components.next_ring(&bits, 1.0).unwrap().unwrap();
+    assert_eq!((hole.low, hole.high), ([17, 14], [24, 21]));
+    assert_eq!((filled.low, filled.high), ([11, 9], [29, 27]));
     let (area, centre, moments) = (f64::from(filled.area), filled.centroid(), filled.moments());
     let pixels = || (0..36 * 40).map(|i| (i % 40, i / 40)).filter(|&(x, y)| radius(x, y) < 9.5);
     let count = pixels().count() as f64;
@@ -189,9 +180,7 @@ fn moments_are_those_of_the_pixels() {
 #[test]
 fn a_pixel_of_the_dark_tells_the_ring_that_one_of_the_hole_tells() {
     let radius = |x: usize, y: usize| (x as f64 - 20.3).hypot(y as f64 - 17.6);
-    let plane = Plane::from_fn(40, 36, |x, y| if (4.0..9.5).contains(&radius(x, y)) { 0 } else { 255 });
-    let mut bits = Bits::new();
-    bits.pack(&plane, 128);
+    let bits = Bits::of(40, 36, |x, y| (4.0..9.5).contains(&radius(x, y)));
     let mut components = Box::new(Components::new());
     let ring = components.ring_at(&bits, [20.0, 18.0]);
     assert!(ring.is_some());

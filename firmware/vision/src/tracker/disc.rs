@@ -98,13 +98,13 @@ impl Look<'_> {
         if !is_wide {
             return Err(refused(Refusal::OutsidePicture));
         }
-        self.plane.load(frame, window, 1);
+        let view = self.plane.load(frame, window, 1);
         let area = (PI * diameter * diameter / 4.0).max(LEAST_SHARE_PX);
-        let levels = threshold::disc_levels(self.plane, area / (window.width * window.height) as f64);
+        let levels = threshold::disc_levels(&view, area / (window.width * window.height) as f64);
         if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
             return Err(refused(Refusal::LowContrast));
         }
-        self.bits.pack(self.plane, levels.threshold());
+        self.bits.pack(&view, levels.threshold());
         if self.settings.median && diameter >= MEDIAN_PX {
             self.bits.median();
         }
