@@ -102,7 +102,7 @@ pub(crate) fn measure(
 ) -> Result<(Ring, Light), Refusal> {
     let (rect, mut model) = rough(frame, candidate, search)?;
     let full = f64::from(full_scale(frame));
-    let start = start(frame, workspace, rect, &mut model, full)?;
+    let start = start(frame, workspace, rect, &mut model, (search.ratio, full))?;
     let radial = model.radial;
     if radial.contrast < settings.min_contrast * full {
         return Err(Refusal::LowContrast);
@@ -184,7 +184,7 @@ fn start(
     workspace: &mut Workspace,
     rect: Rect,
     model: &mut Model,
-    full: f64,
+    (ratio, full): (f64, f64),
 ) -> Result<Start, Refusal> {
     let Workspace { patch, profile } = workspace;
     let every = ((2.0 * model.radial.outer / PROFILE_ROWS) as usize).max(LEAST_EVERY);
@@ -202,8 +202,9 @@ fn start(
         model.radial.white = CLIPPED_WHITE * full;
         model.radial.contrast = model.radial.white - black;
     }
-    model.radial =
-        profile.fit(&model.radial, model.radial.outer + FITTED, cell_saturated).ok_or(Refusal::Outline)?;
+    model.radial = profile
+        .fit(&model.radial, ratio, model.radial.outer + FITTED, cell_saturated)
+        .ok_or(Refusal::Outline)?;
     let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
     let white_end = profile.end_at_dark(&model.radial, borne);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;

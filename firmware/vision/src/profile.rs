@@ -50,6 +50,11 @@ const SEEN: f64 = 0.3;
 /// be told apart, and need not be.
 const RIDGE: f64 = 1e-3;
 
+/// How well the inner radius is known from the outer one, px, by printing and by the edge's shape; and the noise of a pixel
+/// that this is weighed against, share of the white.
+const RATIO_PX: f64 = 0.1;
+const USUAL_NOISE: f64 = 0.01;
+
 /// Bounds of the blur's standard deviation, px: the pixel's own area gives 0.29; and largest step of a pass.
 const BLUR: (f64, f64) = (0.35, 2.0);
 const LARGEST_STEP_PX: f64 = 1.0;
@@ -219,9 +224,9 @@ impl Profile {
         (least < most).then_some((f64::from(least), f64::from(most)))
     }
 
-    /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a start. `None`
-    /// where the pixels do not determine a ring.
-    pub(crate) fn fit(&self, start: &Radial, end: f64, saturated: f64) -> Option<Radial> {
+    /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a start. The ratio of
+    /// the radii is expected to be that of the ring. `None` where the pixels do not determine a ring.
+    pub(crate) fn fit(&self, start: &Radial, ratio: f64, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
         let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
@@ -243,6 +248,8 @@ impl Profile {
             sums.iter_mut().zip(upper.iter().chain(&lower)).for_each(|(sum, lanes)| *sum = lanes.sum());
             if radial.is_disc() {
                 disc::hold(&mut sums, &radial, saturated);
+            } else {
+                expect_ratio(&mut sums, &radial, ratio);
             }
             let step = solve(&sums)?;
             let bounded = |step: f64| step.clamp(-LARGEST_STEP_PX, LARGEST_STEP_PX);
@@ -490,6 +497,20 @@ fn add_products<const FROM: usize, const TO: usize, const N: usize>(
         }
     }
     *sums = sum;
+}
+
+/// Adds what is known of the ring to the normal equations: the ratio of its radii. Where blur joins both edges, pixels tell
+/// a thin black ring from a thicker one that is less black by nothing else.
+fn expect_ratio(sums: &mut [f64; EVEN_SUMS], radial: &Radial, ratio: f64) {
+    let noise = USUAL_NOISE * radial.white;
+    let weight = noise * noise / (RATIO_PX * RATIO_PX);
+    let (off, share) = (radial.outer / ratio - radial.inner, 1.0 / ratio);
+    let [outer_square, both, outer, inner_square, inner] = [11, 12, 14, 15, 17];
+    sums[outer_square] += weight * share * share;
+    sums[both] -= weight * share;
+    sums[outer] -= weight * share * off;
+    sums[inner_square] += weight;
+    sums[inner] += weight * off;
 }
 
 /// Solves the normal equations by Cholesky's method without square roots.

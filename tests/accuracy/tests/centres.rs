@@ -49,11 +49,26 @@ fn centres_are_within_a_quarter_of_what_their_pixels_can_tell_and_state_it() {
 
 #[test]
 fn what_is_hard_may_come_together() {
-    // 12 px with a blur of 0.4 px and 60 px with the same are within 1.4, see the table; 12 px with a blur of 1.5 px, an
-    // inner disc of five pixels, is often refused.
+    // 12 px with a blur of 0.4 px and 60 px with the same are within 1.4, see the table.
     for (diameter_px, blur_px) in [(12.0, 1.0), (24.0, 1.5), (60.0, 0.7), (60.0, 1.5)] {
         let conditions =
             Conditions { diameter_px, blur_px, angle_deg: 35.0, uneven: 0.3, ..Conditions::default() };
         check(&format!("{diameter_px} px, blur {blur_px} px"), conditions);
     }
+}
+
+#[test]
+fn a_ring_whose_edges_blur_joins_states_what_its_centre_is_worth() {
+    // A black ring that tilt makes 2.5 px thin, seen with a blur of 3.5 px from half to half of its height.
+    let conditions =
+        Conditions { diameter_px: 12.0, blur_px: 1.5, angle_deg: 35.0, uneven: 0.3, ..Conditions::default() };
+    let outcomes = outcomes(conditions);
+    let refused: u32 = outcomes.iter().map(|o| o.refused).sum();
+    // Its hole is five pixels, which noise closes at times: 2.5 %.
+    assert!(refused <= 20, "{refused} of 400 refused");
+    let worst = outcomes.iter().map(|o| o.squared).fold(0.0, f64::max);
+    // Dark beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too little.
+    assert!(worst < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{worst}");
+    let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
+    assert!(over_bound < 1.5, "{over_bound}");
 }

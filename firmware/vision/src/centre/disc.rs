@@ -122,7 +122,7 @@ fn start(
     profile.clear(end);
     Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, disc, profile);
     profile.close();
-    let mut radial = profile.fit(&model.radial, end, saturated).ok_or(Refusal::Outline)?;
+    let mut radial = profile.fit(&model.radial, f64::INFINITY, end, saturated).ok_or(Refusal::Outline)?;
     let dark = radial.white.max(LEAST_DARK * -radial.contrast);
     radial.contrast += dark - radial.white;
     radial.white = dark;
