@@ -274,8 +274,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     let gate = row("solver.gate_px");
     assert_eq!((gate.value, gate.line), (Value::Number(0.5), None));
     assert_eq!(row("camera.rate_hz").default, None);
-    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 3 + 10 + 7 + 8.
-    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 24 + 15);
+    // 1 at the head, 13 of the camera, 10 a target, 7 + 4 + 4 + 10 + 7 + 8.
+    assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 25 + 15);
 }
 
 /// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
@@ -301,6 +301,7 @@ fn every_setting_of_the_firmware_is_in_the_table() {
         &mut said.solver.gate_sigmas,
         &mut said.rest.excursion_px,
         &mut said.rest.drift_px,
+        &mut said.rest.layout_mm,
     ] {
         *number *= 0.99;
     }
@@ -308,7 +309,7 @@ fn every_setting_of_the_firmware_is_in_the_table() {
     (*median, *opening) = (!*median, !*opening);
     let SolverSettings { method, min_circles, gate_sigmas: _, gate_px: _ } = &mut said.solver;
     (*method, *min_circles) = (Method::Epnp, 7);
-    let RestSettings { frames, excursion_px: _, drift_px: _ } = &mut said.rest;
+    let RestSettings { frames, excursion_px: _, drift_px: _, layout_mm: _ } = &mut said.rest;
     *frames = 99;
     said.limits = Limits {
         min_mm: [-1.0, -2.0, -3.0],

@@ -4,7 +4,7 @@
 use gangway_device::Frame;
 use gangway_pose::{
     Assigned, Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
-    VarianceComponent, solve_in_motion,
+    VarianceComponent, solve, solve_in_motion,
 };
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use heapless::Vec;
@@ -12,6 +12,7 @@ use heapless::Vec;
 use crate::Settings;
 use crate::acquire::is_near;
 use crate::keep::{self, Keeper, Question, Verdict};
+use crate::layout::Layout;
 use crate::lit::{Flash, Lit};
 use crate::predict::Predictor;
 use crate::windows::{self, Sight};
@@ -33,6 +34,7 @@ pub(crate) struct Carbody {
     track: Track,
     /// How far its rings scatter beyond their pixels' noise.
     variance: VarianceComponent,
+    layout: Layout,
     flash: Flash,
     searches: Vec<Search, MAX_CIRCLES>,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
@@ -71,6 +73,7 @@ impl Carbody {
         let sight = Sight { settings, circles: &circles, seeds: &seeds };
         let seeded = seeds.iter().any(Option::is_some);
         let keeper = Keeper::new(&sight, seeded, fixed);
+        let layout = Layout::new(&circles);
         let first = if seeded || !keeper.is_able() { windows::seed_pose(&sight)? } else { Pose::FACING };
         Ok(Self {
             keeper,
@@ -82,6 +85,7 @@ impl Carbody {
             ambiguous: false,
             track: Track::default(),
             variance: VarianceComponent::default(),
+            layout,
             flash: Flash::default(),
             searches: Vec::new(),
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
@@ -167,6 +171,28 @@ impl Carbody {
         self.predictor.last()
     }
 
+    /// As [`Layout::correlation`].
+    pub(crate) fn correlation(&self) -> f64 {
+        self.layout.correlation()
+    }
+
+    /// Rest begins with the next frame, if it does: where the circles are is seen anew.
+    pub(crate) fn restart_survey(&mut self) {
+        self.layout.restart();
+    }
+
+    /// Rest was found, with the carbody in the camera there: its circles are where these frames showed them. Gives what the
+    /// last frame says of its pose with that.
+    pub(crate) fn survey(&mut self, frames: u16, settings: &Settings) -> Option<Solution> {
+        let rest = self.predictor.last()?;
+        // The frame in which the interval began was seen before that was known.
+        let least = frames.saturating_sub(1);
+        self.layout.survey(&mut self.circles, least, settings.rest.layout_mm, &rest);
+        self.variance = VarianceComponent::default();
+        let (observations, _) = self.observations(settings, &rest);
+        solve(&observations, &settings.lens, &settings.solver, Some(&rest)).ok()
+    }
+
     /// The camera has moved: what was seen is now seen there, as `by` says.
     pub(crate) fn rebase(&mut self, by: &Pose) {
         self.predictor.rebase(by);
@@ -220,23 +246,37 @@ impl Carbody {
 
     /// The pose of the rings seen. The solution's mask names circles of this carbody.
     fn solve(&self, frame: &Frame<'_>, means: &Means<'_>, prior: &Pose) -> Result<Solution, PoseError> {
-        let mut observations = Vec::<Observation, MAX_CIRCLES>::new();
-        let mut seen = Vec::<usize, MAX_CIRCLES>::new();
+        let (observations, seen) = self.observations(means.settings, prior);
+        let Settings { lens, solver, rest, .. } = means.settings;
+        let slack = self.layout.slack(rest.layout_mm, &self.circles, prior, lens);
+        let gate_px =
+            if self.layout.is_surveyed() { solver.gate_px } else { solver.gate_px.max(slack.whole_px) };
+        let solver = gangway_pose::Settings { gate_px, ..*solver };
+        let (shutter, time_ns) = (&means.shutter, frame.time_ns());
+        let mut solution =
+            solve_in_motion(&observations, lens, &solver, prior, shutter, &self.track, time_ns)?;
+        let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
+        solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
+        Ok(solution)
+    }
+
+    /// The rings seen, for a carbody about there, and their circles.
+    fn observations(
+        &self,
+        settings: &Settings,
+        about: &Pose,
+    ) -> (Vec<Observation, MAX_CIRCLES>, Vec<usize, MAX_CIRCLES>) {
+        let slack = self.layout.slack(settings.rest.layout_mm, &self.circles, about, &settings.lens);
+        let (mut observations, mut seen) = (Vec::new(), Vec::new());
         for (i, (circle, outcome)) in self.circles.iter().zip(&self.outcomes).enumerate() {
             if let Ok(ring) = outcome {
+                let centre = self.layout.with(i, self.variance.with(ring.centre), &slack);
                 // At most as many as circles, and all are bounded by MAX_CIRCLES.
-                let centre = self.variance.with(ring.centre);
                 let _ = observations.push(Observation { point: circle.point, centre });
                 let _ = seen.push(i);
             }
         }
-        let Settings { lens, solver, .. } = means.settings;
-        let (shutter, time_ns) = (&means.shutter, frame.time_ns());
-        let mut solution =
-            solve_in_motion(&observations, lens, solver, prior, shutter, &self.track, time_ns)?;
-        let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
-        solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
-        Ok(solution)
+        (observations, seen)
     }
 
     /// What the windows showed stands, or something better is found, or nothing. The next windows follow from that.
@@ -270,6 +310,7 @@ impl Carbody {
         self.choose_side(frame.number(), &mut found);
         if let Ok(pose) = found.map(|solution| solution.pose) {
             self.learn_variance(&found);
+            self.learn_layout(means, &found);
             self.predictor.update(frame.number(), pose);
             self.track.follow(frame.time_ns(), &pose);
             if used(&found) > used(&solution) {
@@ -281,9 +322,26 @@ impl Carbody {
         found
     }
 
+    /// Where the circles are that no rest interval has shown: a rolling shutter would move those of a moving train.
+    fn learn_layout(&mut self, means: &Means<'_>, found: &Result<Solution, PoseError>) {
+        let (Ok(solution), Settings { rest, lens, shutter, .. }) = (found, means.settings) else { return };
+        let is_surveyed = self.layout.is_surveyed();
+        if rest.layout_mm <= 0.0 || (is_surveyed && shutter.line_time_s != 0.0) {
+            return;
+        }
+        self.layout.observe(&self.circles, &self.outcomes, solution, lens);
+        if is_surveyed {
+            self.layout.adopt(&mut self.circles, rest.frames, rest.layout_mm);
+        }
+    }
+
     /// How far the rings in the pose scatter beyond their pixels' noise.
     fn learn_variance(&mut self, found: &Result<Solution, PoseError>) {
         let Ok(solution) = found else { return };
+        // Those that no rest interval has shown are off by more than that.
+        if self.layout.is_surveyed() && !self.layout.has(solution.used) {
+            return;
+        }
         let seen = self.outcomes.iter().enumerate().filter(|(i, _)| solution.used >> i & 1 == 1);
         let covariances = seen.filter_map(|(_, outcome)| Some(outcome.ok()?.centre.covariance));
         self.variance.learn(solution.residual_px, covariances);

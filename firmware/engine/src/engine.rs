@@ -1,11 +1,11 @@
 //! The frame loop's one step: frame, windows, centres, pose, motion, records.
 
 use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Exposure, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Pose, PoseError, Shutter, Solution};
+use gangway_pose::{MAX_CIRCLES, Pose, PoseError, Shutter, Solution, relative_pose};
 use gangway_vision::{Refusal, Ring, Tracker};
 use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 
 use crate::acquire::WORK_A_RING;
 use crate::announce::Announcer;
@@ -420,15 +420,35 @@ impl Engine {
             // As many as circles, at most.
             let _ = centres.push((circle, [0, 1].map(|i| ring.centre.at[i] - moved_px[i])));
         }
-        let found = self.rest_finder.observe(frame.number(), centres.iter().copied(), solution);
-        if let Some(mut found) = found {
+        if self.rest_finder.observe(frame.number(), centres.iter().copied(), solution) {
+            let surveyed = self.survey();
+            let Some(mut found) = self.rest_finder.mean(frame.number(), surveyed) else { return };
+            if surveyed.is_some() {
+                // What the layout did to this pose it does to all. The circles of a target are off together.
+                found.pose.common = solution.covariance * self.carbody.correlation();
+            }
             self.seeking_rest = false;
             found.own = self.own.as_ref().and_then(|own| own.carbody().last());
             self.recorder.event(outbox, What::RestSet { frames: found.frames });
             self.recorder.put(outbox, &report::rest(&found));
             self.rest = Some(found);
             self.suspicion.forget();
+        } else if self.rest_finder.begins() {
+            self.carbody.restart_survey();
+            self.own.iter_mut().for_each(Own::restart_survey);
         }
+    }
+
+    /// Takes the circles to be where the rest interval showed them; gives the covariance of a frame's pose with that.
+    fn survey(&mut self) -> Option<Matrix6<f64>> {
+        let settings = &self.settings;
+        let frames = settings.rest.frames;
+        if settings.rest.layout_mm <= 0.0 {
+            return None;
+        }
+        let solution = self.carbody.survey(frames, settings);
+        let Some(own) = &mut self.own else { return Some(solution?.covariance) };
+        Some(relative_pose(&own.survey(frames, settings)?, &solution?).covariance)
     }
 
     /// Without reference targets: whether the camera may have moved.
@@ -444,7 +464,7 @@ impl Engine {
         let used =
             rings(&self.outcomes, circles.len()).filter(|(circle, _)| solution.used >> circle & 1 == 1);
         let centres = used.map(|(circle, ring)| (circle, ring.centre.at));
-        let stands = self.rest_finder.stands(frame.number(), centres, solution);
+        let stands = self.rest_finder.observe(frame.number(), centres, solution);
         let elsewhere = stands.then(|| self.suspicion.stands(solution, &rest.pose, limits)).flatten();
         for what in [shock, elsewhere].into_iter().flatten() {
             self.recorder.event(outbox, what);

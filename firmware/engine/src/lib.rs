@@ -21,6 +21,7 @@ mod expose;
 mod health;
 mod keep;
 mod lamp;
+mod layout;
 mod light;
 mod lit;
 mod mount;

@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn a_train_that_stands_elsewhere_is_told_once_and_cleared_where_it_stood_at_rest() {
         let rest = at([0.0; 3], [0.0; 3]);
-        let rest = RestPose { pose: rest.pose, covariance: rest.covariance };
+        let rest = RestPose::new(rest.pose, rest.covariance);
         let mut suspicion = Suspicion::default();
         let mut stands = |place: &Solution| {
             let told = suspicion.stands(place, &rest, &Limits::default()).is_some();

@@ -111,6 +111,16 @@ impl Own {
         self.carbody.last().map(|own| own.after(relative))
     }
 
+    /// As [`Carbody::restart_survey`].
+    pub(crate) fn restart_survey(&mut self) {
+        self.carbody.restart_survey();
+    }
+
+    /// As [`Carbody::survey`].
+    pub(crate) fn survey(&mut self, frames: u16, settings: &Settings) -> Option<Solution> {
+        self.carbody.survey(frames, settings)
+    }
+
     /// Rest is looked for anew.
     pub(crate) fn forget_anchor(&mut self) {
         self.anchor = None;

@@ -105,7 +105,7 @@ mod tests {
             last_frame: 9,
             frames: 10,
             ambiguous: false,
-            pose: RestPose { pose, covariance },
+            pose: RestPose::new(pose, covariance),
             own: None,
         };
         let Record::Rest(record) = rest(&found) else { panic!("a rest record") };

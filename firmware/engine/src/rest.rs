@@ -3,6 +3,7 @@
 
 use gangway_pose::{MAX_CIRCLES, Pose, RestPose, Solution, rest_mean, untangle};
 use heapless::Vec;
+use nalgebra::Matrix6;
 
 use crate::RestSettings;
 
@@ -77,7 +78,7 @@ impl RestFinder {
         Self { settings, paths: [Path::EMPTY; MAX_CIRCLES], solutions: Vec::new(), first_frame: 0 }
     }
 
-    /// Takes one frame's centres and pose; gives the rest pose when this frame completes an interval at rest.
+    /// Takes one frame's centres and pose; says whether this frame completes an interval at rest.
     ///
     /// A circle that moves starts the interval anew with this frame, so that rest is found `frames` frames
     /// after the motion ends.
@@ -86,26 +87,16 @@ impl RestFinder {
         frame: u32,
         centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
         solution: &Solution,
-    ) -> Option<Found> {
-        let found = self.completes(frame, centres, solution).then(|| self.mean(frame)).flatten();
+    ) -> bool {
         if self.is_full() {
             self.clear();
         }
-        found
+        self.completes(frame, centres, solution)
     }
 
-    /// The same without the mean: whether this frame completes an interval at rest.
-    pub(crate) fn stands(
-        &mut self,
-        frame: u32,
-        centres: impl Iterator<Item = (usize, [f64; 2])> + Clone,
-        solution: &Solution,
-    ) -> bool {
-        let stands = self.completes(frame, centres, solution);
-        if self.is_full() {
-            self.clear();
-        }
-        stands
+    /// Whether the interval begins with the last frame, or with the next one.
+    pub(crate) fn begins(&self) -> bool {
+        self.solutions.len() <= 1 || (self.is_full() && !self.at_rest())
     }
 
     fn completes(
@@ -126,9 +117,13 @@ impl RestFinder {
         self.solutions.len() >= self.frames()
     }
 
-    /// The mean of the interval, all of its poses on one side of a plane.
-    fn mean(&mut self, last_frame: u32) -> Option<Found> {
+    /// The mean of the interval that `last_frame` has completed, all of its poses on one side of a plane; each with this
+    /// covariance, if there is one for all.
+    pub(crate) fn mean(&mut self, last_frame: u32, covariance: Option<Matrix6<f64>>) -> Option<Found> {
         let ambiguous = untangle(&mut self.solutions);
+        if let Some(covariance) = covariance {
+            self.solutions.iter_mut().for_each(|solution| solution.covariance = covariance);
+        }
         let pose = rest_mean(&self.solutions).ok()?;
         let frames = self.solutions.len() as u16;
         Some(Found { first_frame: self.first_frame, last_frame, frames, ambiguous, pose, own: None })
@@ -174,7 +169,7 @@ impl RestFinder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Matrix6, Vector3};
+    use nalgebra::{Matrix3, Vector3};
 
     fn solution() -> Solution {
         Solution {
@@ -191,7 +186,8 @@ mod tests {
         let mut finder = RestFinder::new(RestSettings::default());
         (0..frames).find_map(|frame| {
             let circles = (0..4).map(|circle| (circle, [100.0 * circle as f64 + path(frame), 50.0]));
-            finder.observe(frame, circles, &solution()).map(|found| found.first_frame)
+            let is_found = finder.observe(frame, circles, &solution());
+            is_found.then(|| finder.mean(frame, None).unwrap().first_frame)
         })
     }
 

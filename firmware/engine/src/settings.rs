@@ -14,11 +14,14 @@ pub struct RestSettings {
     pub excursion_px: f64,
     /// Largest common drift of the circles between the interval's halves, px; 0.01 to 2, default 0.1.
     pub drift_px: f64,
+    /// How far a circle may lie from where the layout says, mm; 0 to 50, default 5: what a tape measures. The rest interval
+    /// shows where it is. With 0 the layout is taken as exact.
+    pub layout_mm: f64,
 }
 
 impl Default for RestSettings {
     fn default() -> Self {
-        Self { frames: 10, excursion_px: 0.5, drift_px: 0.1 }
+        Self { frames: 10, excursion_px: 0.5, drift_px: 0.1, layout_mm: 5.0 }
     }
 }
 

@@ -14,16 +14,24 @@ const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 pub struct RestPose {
     /// The pose.
     pub pose: Pose,
-    /// Its covariance, as in [`Solution::covariance`].
+    /// Its covariance, as in [`Solution::covariance`], but for what is in `common`.
     pub covariance: Matrix6<f64>,
+    /// Covariance of what every pose of the ride has in common with this one, as if the carbody's own axes were elsewhere in
+    /// it: what a layout is off by. A motion feels it only as far as it goes.
+    pub common: Matrix6<f64>,
 }
 
 impl RestPose {
+    /// A rest pose that has nothing in common with later ones.
+    pub fn new(pose: Pose, covariance: Matrix6<f64>) -> Self {
+        Self { pose, covariance, common: Matrix6::zeros() }
+    }
+
     /// Covariance of (x, y, z, roll, pitch, yaw) of this pose in its own frame; mm and degrees.
     pub fn covariance_in_rest_frame(&self) -> Matrix6<f64> {
         let turn = self.pose.rotation.transpose();
         let jacobian = blocks(&turn, &Matrix3::zeros(), &(turn * DEGREES));
-        jacobian * self.covariance * jacobian.transpose()
+        jacobian * (self.covariance + self.common) * jacobian.transpose()
     }
 }
 
@@ -49,8 +57,12 @@ pub fn relative_motion(rest: &RestPose, solution: &Solution) -> Motion {
     let by_turn = angle_rates(pitch, yaw) * turn * DEGREES;
     let of_pose = blocks(&turn, &Matrix3::zeros(), &by_turn);
     let of_rest = blocks(&-turn, &(turn * skew(&shift)), &-by_turn);
-    let covariance =
-        of_pose * solution.covariance * of_pose.transpose() + of_rest * rest.covariance * of_rest.transpose();
+    // Both poses with other axes of the carbody: R Exp(g) = Exp(R g) R.
+    let carried = solution.pose.rotation * turn;
+    let of_both = of_rest + of_pose * blocks(&carried, &Matrix3::zeros(), &carried);
+    let covariance = of_pose * solution.covariance * of_pose.transpose()
+        + of_rest * rest.covariance * of_rest.transpose()
+        + of_both * rest.common * of_both.transpose();
     Motion {
         displacement_mm: displacement.into(),
         rotation_deg: [roll * DEGREES, pitch * DEGREES, yaw * DEGREES],

@@ -63,10 +63,15 @@ impl Pose {
 }
 
 impl RestPose {
-    /// The same rest as seen from a frame in which that of this pose has the pose `outer`; the covariance turns with it.
+    /// The same rest as seen from a frame in which that of this pose has the pose `outer`; the covariances turn with it.
     pub fn seen_from(&self, outer: &Pose) -> Self {
         let turn = blocks(&outer.rotation, &Matrix3::zeros(), &outer.rotation);
-        Self { pose: outer.after(&self.pose), covariance: turn * self.covariance * turn.transpose() }
+        let turned = |covariance| turn * covariance * turn.transpose();
+        Self {
+            pose: outer.after(&self.pose),
+            covariance: turned(self.covariance),
+            common: turned(self.common),
+        }
     }
 }
 
@@ -130,7 +135,7 @@ mod tests {
     fn a_rest_pose_seen_from_elsewhere_has_the_same_covariance_in_its_own_frame() {
         let mut covariance = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 1e-4, 2e-4, 3e-4));
         (covariance[(0, 4)], covariance[(4, 0)]) = (1e-3, 1e-3);
-        let rest = RestPose { pose: other(), covariance };
+        let rest = RestPose::new(other(), covariance);
         let elsewhere = rest.seen_from(&own());
         let off = elsewhere.covariance_in_rest_frame() - rest.covariance_in_rest_frame();
         assert!(off.norm() < 1e-9, "rounding only");

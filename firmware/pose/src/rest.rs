@@ -63,7 +63,7 @@ pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
             break;
         }
     }
-    Ok(RestPose { pose: mean.orthonormalised(), covariance })
+    Ok(RestPose::new(mean.orthonormalised(), covariance))
 }
 
 /// (v, w) that takes `mean` to `pose`.

@@ -138,7 +138,7 @@ fn a_disturbed_frame_does_not_move_the_rest_pose() {
     let off = squared_error(&error_of(&rest.pose, &scene.rest), &rest.covariance);
     // The 99.9 % point of chi squared with six degrees of freedom.
     assert!(off < 22.5, "normalised squared error {off}");
-    let alone = RestPose { pose: poses[1].pose, covariance: poses[1].covariance };
+    let alone = RestPose::new(poses[1].pose, poses[1].covariance);
     assert_eq!(rest_mean(&poses[1..2]).expect("one pose is its own mean").covariance.shape(), (6, 6));
     assert!(rest.covariance.trace() < alone.covariance.trace(), "a mean is better than one frame");
 }

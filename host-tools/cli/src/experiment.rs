@@ -25,10 +25,6 @@ use thesis::Statistics;
 /// The solvers as the setup and as the tables call them.
 pub(crate) const SOLVERS: [(&str, &str); 3] = [("dlt", "DLT"), ("epnp", "EPnP"), ("auto", "auto")];
 
-/// Below this reprojection error no circle is left out: a millimetre of mounting is 0.9 px at 1.65 m and f = 18 mm, and
-/// is not in the centres' covariance, so that the usual gate of 0.5 px would leave out whole targets.
-pub(crate) const GATE_PX: f64 = 3.0;
-
 /// Arguments of `gangway experiment`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -78,7 +74,7 @@ fn variants(plan: &Plan) -> Vec<Variant> {
 pub(crate) fn setup_text(scene: &Scene, solver: &str, chosen: &dyn Fn(usize, usize) -> bool) -> String {
     // The experiments' scenes have no table of the solver themselves.
     let setup = scene.setup_text_of(chosen);
-    format!("{setup}\n[solver]\nmethod = \"{solver}\"\ngate_px = {GATE_PX:?}\n")
+    format!("{setup}\n[solver]\nmethod = \"{solver}\"\n")
 }
 
 /// One of the seven experiments that are one measurement a seed.
@@ -252,10 +248,6 @@ pub(crate) fn put_in(sources: &[String], remarks: &[&str]) -> String {
     for line in sources {
         let _ = writeln!(text, "  {line}");
     }
-    let _ = writeln!(
-        text,
-        "  so that mounting is not taken for a fault, the box leaves out no circle below {GATE_PX} px (solver.gate_px)"
-    );
     text.push_str("Not put in: video compression, a rolling shutter, bent sheets, a swaying camera.\n");
     if !remarks.is_empty() {
         text.push_str("Other than in the thesis:\n");

@@ -153,6 +153,17 @@ pub(super) const REST: &[FileKey] = &[
         source: "5.3.2",
         slot: |p| Slot::Number(&mut p.rest.drift_px),
     },
+    Key {
+        name: "layout_mm",
+        unit: "mm",
+        least: 0.0,
+        greatest: 50.0,
+        required: false,
+        meaning: "How far a circle may lie from where its target's origin_mm, u, v and circles_mm say; the rest interval \
+                  shows where it is. 0: the layout is exact.",
+        source: "",
+        slot: |p| Slot::Number(&mut p.rest.layout_mm),
+    },
 ];
 
 /// `[limits]`.

@@ -52,7 +52,7 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "[rest]",
             "[rest]\ncolour = 1",
-            "111: rest.colour is not a setting; known here: frames, excursion_px, drift_px",
+            "111: rest.colour is not a setting; known here: frames, excursion_px, drift_px, layout_mm",
         ),
         (
             "focal_px = [1468.0, 1467.2]",
@@ -98,12 +98,12 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "# lamps = \"on\"",
             "lamps = \"alternate\"",
-            "138: board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms",
+            "139: board.lamps is \"alternate\", switched between two exposures; give camera.exposure_ms",
         ),
         (
             "# exposure = \"fixed\"",
             "exposure = \"auto\"",
-            "130: capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms",
+            "131: capture.exposure is \"auto\", up to camera.exposure_ms; give camera.exposure_ms",
         ),
         (
             "# kind = \"printed\"",
@@ -170,13 +170,13 @@ fn every_kind_of_mistake_has_its_sentence() {
         (
             "# x_mm = [-70.0, 60.0]",
             "x_mm = [60.0, -70.0]",
-            "116: limits.x_mm is [60.0, -70.0]; it must be [least, greatest], two numbers between -5000 and 5000 mm, \
+            "117: limits.x_mm is [60.0, -70.0]; it must be [least, greatest], two numbers between -5000 and 5000 mm, \
              the least below the greatest",
         ),
         (
             "# x_mm = [-70.0, 60.0]",
             "x_mm = [10.0, 60.0]",
-            "116: limits.x_mm goes from 10 to 60 mm; 0, the rest pose, must be within",
+            "117: limits.x_mm goes from 10 to 60 mm; 0, the rest pose, must be within",
         ),
         (
             "distortion = [-0.0684,",
@@ -222,13 +222,13 @@ fn lamps_that_alternate_need_a_gap_between_two_exposures() {
     assert_eq!(said(&text("exposure_ms = 18.9", "")), "good");
     assert_eq!(
         said(&text("exposure_ms = 19.0", "")),
-        "ride.toml:138: board.lamps is \"alternate\", but camera.exposure_ms is 19; it must be below 19.00 ms, so that 1 \
+        "ride.toml:139: board.lamps is \"alternate\", but camera.exposure_ms is 19; it must be below 19.00 ms, so that 1 \
          ms are left between two exposures"
     );
     assert_eq!(said(&text("exposure_ms = 3.0", "line_time_us = 14.0")), "good");
     assert_eq!(
         said(&text("exposure_ms = 3.0", "line_time_us = 18.0")),
-        "ride.toml:138: board.lamps is \"alternate\", but the rows of a frame take 19.4 of its 20.0 ms; 1 ms must be left \
+        "ride.toml:139: board.lamps is \"alternate\", but the rows of a frame take 19.4 of its 20.0 ms; 1 ms must be left \
          between two exposures: take fewer frames a second or \"on\""
     );
 }
