@@ -123,3 +123,55 @@ pub fn moved(rest: &Pose, displacement_mm: [f64; 3], rotation_deg: [f64; 3]) -> 
         translation: rest.translation + rest.rotation * Vector3::from(displacement_mm),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector6;
+
+    use super::*;
+
+    #[test]
+    fn what_both_poses_have_in_common_is_other_axes_of_the_carbody() {
+        let rest = Pose::of_camera([-1600.0, 40.0, 300.0], [0.5, 4.0, -1.0]);
+        let now = moved(&rest, [12.0, -170.0, 45.0], [2.0, -1.0, 6.0]);
+        let solution = |pose| Solution {
+            pose,
+            covariance: Matrix6::zeros(),
+            residual_px: 0.0,
+            used: 0b1111,
+            alternative: None,
+        };
+        let values = |axes: &Pose| {
+            let motion = relative_motion(
+                &RestPose::new(rest.after(axes), Matrix6::zeros()),
+                &solution(now.after(axes)),
+            );
+            let [d, a] = [motion.displacement_mm, motion.rotation_deg];
+            Vector6::new(d[0], d[1], d[2], a[0], a[1], a[2])
+        };
+        let at_home = Pose { rotation: Matrix3::identity(), translation: Vector3::zeros() };
+        for i in 0..6 {
+            // Along the camera's axes at rest, and as it looks from the carbody.
+            let mut step = [[0.0; 3]; 2];
+            step[i / 3][i % 3] = 1e-5;
+            let [v, w] = step.map(|step| rest.rotation.transpose() * Vector3::from(step));
+            let axes = at_home.perturbed(v.into(), w.into());
+            let change = (values(&axes) - values(&at_home)) / 1e-5;
+            let mut common = Matrix6::zeros();
+            common[(i, i)] = 1.0;
+            let covariance = relative_motion(
+                &RestPose { pose: rest, covariance: Matrix6::zeros(), common },
+                &solution(now),
+            )
+            .covariance;
+            let off = (covariance - change * change.transpose()).norm();
+            assert!(off < 1e-4 * covariance.norm().max(1e-6), "{i}: {off} of {}", covariance.norm());
+            // A train at rest feels nothing of it.
+            let still = relative_motion(
+                &RestPose { pose: rest, covariance: Matrix6::zeros(), common },
+                &solution(rest),
+            );
+            assert!(still.covariance.norm() < 1e-12);
+        }
+    }
+}
