@@ -6,7 +6,7 @@ use core::f64::consts::PI;
 use crate::bits::Bits;
 use crate::components::{Components, Part};
 use crate::window::Window;
-use crate::{Refusal, Search, Settings};
+use crate::{Refusal, Search, Settings, length};
 
 pub(crate) mod disc;
 
@@ -198,6 +198,5 @@ fn centre_of_cut(part: &Part, i: usize, size: usize, half: f64) -> f64 {
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (u, v) = (a[0] - b[0], a[1] - b[1]);
-    libm::sqrt(u * u + v * v)
+    length(a[0] - b[0], a[1] - b[1])
 }

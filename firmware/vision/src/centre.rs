@@ -17,7 +17,7 @@ use crate::loader::{Rect, full_scale};
 use crate::model::{Kernel, Model};
 use crate::patch::{Belt, Part, Patch};
 use crate::profile::{Lean, Profile, Radial};
-use crate::{Refusal, Ring, Search, Settings};
+use crate::{Refusal, Ring, Search, Settings, length};
 
 pub(crate) use disc::measure as measure_disc;
 
@@ -111,7 +111,7 @@ pub(crate) fn measure(
     let belts = take_belts(frame, &mut workspace.patch, rect, &model, start.white_end);
     let fit = converge(&workspace.patch, &belts, &mut model, &start)?;
     fit.check(radial.contrast)?;
-    let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
+    let tilt = length(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
     let is_light = tilt * radial.outer <= MAX_TILT * radial.white;
     if !is_light {
         return Err(Refusal::Outline);
@@ -210,7 +210,7 @@ fn start(
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
     let lean = profile.lean(&model.radial, white_from, cell_saturated);
     // Written so that a NaN is refused too.
-    if !(libm::hypot(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
+    if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
     }
     // The profile's centre is that of both edges together.
@@ -282,7 +282,7 @@ impl Fit {
     /// more than the inner one.
     fn check(&self, contrast: f64) -> Result<(), Refusal> {
         let sigma = libm::sqrt(self.square);
-        let step = libm::hypot(self.step[0], self.step[1]);
+        let step = length(self.step[0], self.step[1]);
         // Written so that a NaN is refused too.
         let whole = self.apart[0] <= MAX_APART_PX + SIGMAS * self.apart[1]
             && self.third[0] <= MAX_THIRD_PX + SIGMAS * self.third[1]
@@ -297,7 +297,7 @@ fn converge(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> R
     let mut fit = pass(patch, belts, model, start)?;
     for _ in 1..PASSES {
         let small = SMALL_STEP_PX.min(SMALL_STEP_SIGMAS * libm::sqrt(fit.square));
-        if libm::hypot(fit.step[0], fit.step[1]) < small {
+        if length(fit.step[0], fit.step[1]) < small {
             break;
         }
         fit = pass(patch, belts, model, start)?;
@@ -362,11 +362,11 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
         variance,
         residual,
         apart: [
-            libm::hypot(outer_at[0] - inner_at[0], outer_at[1] - inner_at[1]),
+            length(outer_at[0] - inner_at[0], outer_at[1] - inner_at[1]),
             sigma / libm::sqrt(share * (1.0 - share)),
         ],
         third: [
-            libm::hypot(outer.third[0], outer.third[1]) * libm::fabs(scale) / share,
+            length(outer.third[0], outer.third[1]) * libm::fabs(scale) / share,
             sigma / libm::sqrt(share),
         ],
     })

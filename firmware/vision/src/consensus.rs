@@ -3,7 +3,7 @@
 
 use gangway_pose::MAX_CIRCLES;
 
-use crate::{Refusal, Ring, Search};
+use crate::{Refusal, Ring, Search, length};
 
 /// Centres nearer than this share of a diameter are the same ring.
 const SAME: f64 = 0.25;
@@ -101,7 +101,7 @@ pub(crate) fn is_out_of_reach(search: &Search, ring: &Ring, shift: [f64; 2]) -> 
 /// How far a ring is from its prediction moved by `shift`, px.
 fn distance(search: &Search, ring: &Ring, shift: [f64; 2]) -> f64 {
     let off = offset(search, ring.centre.at);
-    libm::hypot(off[0] - shift[0], off[1] - shift[1])
+    length(off[0] - shift[0], off[1] - shift[1])
 }
 
 fn offset(search: &Search, at: [f64; 2]) -> [f64; 2] {

@@ -6,7 +6,7 @@ use gangway_pose::MAX_CIRCLES;
 use heapless::Vec;
 
 use crate::loader::{CHUNK, Rect, Rows, full_scale};
-use crate::{MAX_SIDE, Search};
+use crate::{MAX_SIDE, Search, length};
 
 /// Samples that are kept in all. Windows of 18 discs of 16 px fit; what does not fit is not taken off.
 const SAMPLES: usize = 15 << 10;
@@ -82,7 +82,7 @@ impl Dark {
         further: [f64; 2],
     ) -> Option<(Frame<'_>, [u16; 2])> {
         let moved = |kept: &Kept| [0, 1].map(|i| search.at[i] - kept.at[i]);
-        let is_near = |[u, v]: [f64; 2]| libm::hypot(u, v) <= FURTHEST_PX;
+        let is_near = |[u, v]: [f64; 2]| length(u, v) <= FURTHEST_PX;
         let kept = self.kept.iter().find(|kept| is_near(moved(kept)))?;
         let shift = [0, 1].map(|i| moved(kept)[i] + further[i]);
         if frame.layout() != self.layout || !is_near(shift) {

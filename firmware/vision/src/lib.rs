@@ -42,3 +42,8 @@ pub use tracker::Tracker;
 
 /// Largest side of a search window, px.
 pub const MAX_SIDE: usize = 192;
+
+/// Length of a step, px: of what can be in a picture no square is too large.
+fn length(x: f64, y: f64) -> f64 {
+    libm::sqrt(x * x + y * y)
+}

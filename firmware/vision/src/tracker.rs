@@ -13,7 +13,7 @@ use crate::dark::Dark;
 use crate::light::{self, Light};
 use crate::loader::{Plane, Rect};
 use crate::window::Window;
-use crate::{MAX_SIDE, Refusal, Ring, Search, Settings};
+use crate::{MAX_SIDE, Refusal, Ring, Search, Settings, length};
 use crate::{consensus, threshold};
 
 mod disc;
@@ -128,7 +128,7 @@ impl Tracker {
         at: [f64; 2],
     ) {
         let worthwhile =
-            libm::hypot(at[0] - search.at[0], at[1] - search.at[1]) > NEW_WINDOW * search.diameter_px();
+            length(at[0] - search.at[0], at[1] - search.at[1]) > NEW_WINDOW * search.diameter_px();
         // Dark, glare or a whole ring of another kind stay what they are in a moved window.
         let lost = matches!(
             ring,

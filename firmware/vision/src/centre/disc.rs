@@ -13,7 +13,7 @@ use crate::loader::{Rect, full_scale, top};
 use crate::model::{Kernel, Model};
 use crate::patch::{Belt, Part, Patch};
 use crate::profile::{NO_EDGE, Profile, Radial};
-use crate::{Refusal, Ring, Search, Settings};
+use crate::{Refusal, Ring, Search, Settings, length};
 
 /// The dark level is at least this share of what the disc has above it: the model's light is a share of the dark.
 const LEAST_DARK: f64 = 1.0 / 256.0;
@@ -86,7 +86,7 @@ pub(crate) fn measure(
     if fit.third[0] > MAX_THIRD_PX + SIGMAS * fit.third[1] {
         return Err(Refusal::Outline);
     }
-    let tilt = libm::hypot(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
+    let tilt = length(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
     if tilt * radial.outer > MAX_TILT * radial.white {
         return Err(Refusal::Outline);
     }
@@ -129,7 +129,7 @@ fn start(
     // The dark around says nothing of how evenly the disc is lit.
     let mut lean = profile.lean(&radial, f64::INFINITY, saturated);
     // Written so that a NaN is refused too.
-    let is_near = libm::hypot(lean.step[0], lean.step[1]) < 2.0;
+    let is_near = length(lean.step[0], lean.step[1]) < 2.0;
     if !is_near {
         return Err(Refusal::Outline);
     }
