@@ -1,0 +1,87 @@
+//! Lamps in the registers of the emulated pins: what they do, and that they are dark whenever the box does not measure.
+
+use std::time::Duration;
+
+use crate::show::{Show, camera};
+
+/// The lamp and the status lamp of the pin tests, as bits of the level register GPLEV0.
+const LAMP: u32 = 1 << 17;
+const STATUS: u32 = 1 << 22;
+const GPLEV0: u32 = 0x3f20_0034;
+const PINS: &str = "[board]\nlamp_pins = [17]\nlamps = \"off\"\nstatus_pin = 22\n";
+const ALTERNATE: &str = "[board]\nlamp_pins = [17]\nlamps = \"alternate\"\nstatus_pin = 22\n";
+/// Lights the lamp behind the box's back: GPSET0, bit 17.
+const LIGHT: &str = "devmem 0x3f20001c 32 0x20000";
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn lamps_are_dark_after_the_end_a_panic_and_a_kill_with_a_new_start() {
+    let show = Show::new(PINS);
+    let run = "run --setup /tmp/setup.toml --to file:/tmp/box.gw & BOX=$!; sleep 6";
+    let start = format!("cp /setup.toml /tmp/setup.toml; gangway-pi {run}");
+    let panics = format!("gangway-pi-proof {run}");
+    let job = camera()
+        + &format!(
+            "{start}; {LIGHT}; echo 'board: lit'; read go
+        kill -TERM $BOX; wait $BOX; echo 'board: ended'; read go
+        {panics}; {LIGHT}; echo 'board: lit once more'; read go
+        rm /tmp/setup.toml; kill -HUP $BOX; wait $BOX; echo \"board: panicked with $?\"; read go
+        {start}; {LIGHT}; kill -KILL $BOX; wait $BOX; echo 'board: killed'; read go
+        {start}; echo 'board: again'; read go
+        kill -TERM $BOX; wait $BOX
+        kill $FEED"
+        );
+    let mut board = show.boot(&job);
+    board.expect("board: lit");
+    assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), LAMP | STATUS, "the box measures and the lamp shines");
+    board.go();
+    board.expect("board: ended");
+    assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), 0, "dark after SIGTERM");
+    board.go();
+    board.expect("board: lit once more");
+    assert_eq!(board.word(GPLEV0) & LAMP, LAMP, "the lamp shines");
+    board.go();
+    board.expect("board: panicked with 101");
+    assert_eq!(
+        board.word(GPLEV0) & (LAMP | STATUS),
+        0,
+        "dark after a panic in another thread than the frames'"
+    );
+    board.go();
+    board.expect("board: killed");
+    assert_eq!(board.word(GPLEV0) & LAMP, LAMP, "nobody puts out the lamp of a box that was killed");
+    board.go();
+    board.expect("board: again");
+    assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), STATUS, "the next start puts it out");
+    board.go();
+    board.wait();
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn lamps_that_alternate_do_so_on_their_pin_and_are_dark_at_the_end() {
+    let show = Show::new(ALTERNATE);
+    let job = camera()
+        + "gangway-pi run --setup /setup.toml --to file:/tmp/box.gw & BOX=$!; sleep 6
+        echo 'board: drives'; read go
+        kill -TERM $BOX; wait $BOX; echo 'board: ended'; read go
+        kill $FEED";
+    let mut board = show.boot(&job);
+    board.expect("board: drives");
+    // Read at times that have nothing to do with the frames'.
+    let lit: Vec<bool> = (0..60)
+        .map(|_| {
+            std::thread::sleep(Duration::from_millis(173));
+            board.word(GPLEV0) & LAMP != 0
+        })
+        .collect();
+    let count = lit.iter().filter(|lit| **lit).count();
+    // Half of them; five standard deviations of a coin thrown sixty times.
+    assert!((10..50).contains(&count), "{count} of {} lit: {lit:?}", lit.len());
+    println!("lit in {count} of {} readings of the level register", lit.len());
+    board.go();
+    board.expect("board: ended");
+    assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), 0, "dark after SIGTERM");
+    board.go();
+    board.wait();
+}
