@@ -21,7 +21,7 @@ const MAX_GIB: u64 = 4;
 pub struct Measured {
     /// Frames in memory.
     pub frames: usize,
-    /// Passes over them.
+    /// Passes over them, to and fro.
     pub passes: u32,
     /// Frames that gave a motion, in all passes.
     pub poses: u64,
@@ -54,7 +54,7 @@ impl fmt::Display for Measured {
     }
 }
 
-/// Frames in memory as a camera.
+/// Frames in memory as a camera: every other pass goes backwards, so that no pass begins with a jump.
 struct Loaded {
     frames: Vec<Vec<u8>>,
     shape: Shape,
@@ -70,13 +70,21 @@ impl Camera for Loaded {
         if self.played >= self.frames.len() * self.passes as usize {
             return Err(CameraErrorKind::Ended);
         }
-        let frame = self.frames.get(self.played % self.frames.len()).ok_or(CameraErrorKind::Ended)?;
+        let frame = self.frames.get(place(self.played, self.frames.len())).ok_or(CameraErrorKind::Ended)?;
         let number = self.played;
         self.played += 1;
         let time_ns = (number as f64 * 1e9 / self.rate_hz).round() as u64;
         let size = (self.shape.width, self.shape.height);
         Frame::new(frame, size, self.shape.stride(), self.shape.layout, number as u32, time_ns)
             .map_err(|_| CameraErrorKind::Corrupt)
+    }
+}
+
+/// The frame that is played as the `played`th of `count` frames that go to and fro.
+fn place(played: usize, count: usize) -> usize {
+    match (played / count, played % count) {
+        (pass, place) if pass.is_multiple_of(2) => place,
+        (_, place) => count - 1 - place,
     }
 }
 
@@ -123,4 +131,15 @@ pub fn measure(
         while taken.dequeue().is_some() {}
     }
     Ok(Measured { frames: count, passes, poses, circles: settings.circles.len(), times })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_pass_begins_with_a_jump() {
+        let places: Vec<usize> = (0..9).map(|played| place(played, 3)).collect();
+        assert_eq!(places, [0, 1, 2, 2, 1, 0, 0, 1, 2]);
+    }
 }
