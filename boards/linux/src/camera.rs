@@ -17,5 +17,5 @@ mod v4l2;
 pub use format::PixelFormat;
 pub use recovering::Recovering;
 pub use source::{OpenError, OpenErrorKind, Shape, Source, Stream, StreamError};
-pub use stamp::{Shutter, Stamp, TimeSource, of_either_clock};
+pub use stamp::{Shutter, Stamp, TimeSource, sensor_time};
 pub use v4l2::{V4l2, V4l2Stream};

@@ -70,6 +70,15 @@ impl Delivering {
             Self::Libcamera(stream) => stream.describe(),
         }
     }
+
+    /// Controls as the camera has taken them, for a person.
+    pub(crate) fn describe_controls(&self) -> String {
+        match self {
+            Self::V4l2(stream) => stream.describe_controls(),
+            #[cfg(feature = "libcamera")]
+            Self::Libcamera(stream) => stream.describe_controls(),
+        }
+    }
 }
 
 impl Stream for Delivering {

@@ -9,7 +9,7 @@ use gangway_engine::{Engine, Identity};
 use gangway_link::Address;
 use gangway_linux::camera::{Source as _, Stream, TimeSource};
 use gangway_linux::{Notice, Notices, SystemClock, SystemVitals, enter, lock_memory, log};
-use gangway_setup::Setup;
+use gangway_setup::{Board, Setup};
 
 use crate::camera::Device;
 use crate::pins::Pins;
@@ -50,13 +50,14 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
         Err(error) => tell("camera", Err(error.sentence)),
         Ok(mut stream) => {
             tell("camera", Ok(format!("{}, {}", parts.capture.device, stream.describe())));
+            tell("controls", Ok(stream.describe_controls()));
             tell("frames", frames(&mut stream, settings.rate_hz));
         }
     }
     tell(
         "pins",
         match Pins::take(&parts.board, notices) {
-            Ok(_) => Ok("all that the setup names".to_owned()),
+            Ok(_) => Ok(pins(&parts.board)),
             Err(error) => Err(format!("{error:#}")),
         },
     );
@@ -112,13 +113,27 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
     Ok(all)
 }
 
+/// The pins that the setup names and what they are for.
+fn pins(board: &Board) -> String {
+    let lamps = board.lamp_pins.iter().map(|pin| ("lamp", *pin));
+    let others = [("status", board.status_pin), ("button", board.button_pin), ("sync", board.sync_pin)];
+    let named: Vec<String> =
+        lamps.chain(others).filter(|(_, pin)| *pin > 0).map(|(what, pin)| format!("{what} {pin}")).collect();
+    if named.is_empty() { "the setup names none".to_owned() } else { named.join(", ") }
+}
+
 /// Waits for some pictures: their rate, the gaps between them, and what their times mean.
 fn frames(stream: &mut impl Stream, rate_hz: f64) -> Result<String, String> {
     let mut stamps = Vec::new();
     for _ in 0..PICTURES {
         match stream.wait(PATIENCE) {
             Ok(stamp) => stamps.push(stamp),
-            Err(error) => return Err(format!("{} came, then none ({error:?})", stamps.len())),
+            Err(error) => {
+                let (count, seconds) = (stamps.len(), PATIENCE.as_secs());
+                return Err(format!(
+                    "after {count} of {PICTURES} pictures {error} ({seconds} s); check cable and supply"
+                ));
+            }
         }
     }
     let (Some(first), Some(last)) = (stamps.first(), stamps.last()) else { return Err("none came".into()) };

@@ -1,9 +1,6 @@
 //! A camera of libcamera (0.4 to 0.7): raw grey, a mosaic, or the luma of NV12, with everything automatic off.
 //!
-//! `SensorTimestamp` is documented as "the time when the first row of the image sensor active array is exposed", by
-//! CLOCK_BOOTTIME. What pipelines put there is the time of the receiver's frame start, by V4L2's CLOCK_MONOTONIC: the
-//! first row has been exposed and begins to be read. The two clocks are the same on a board that never sleeps, and both
-//! are taken.
+//! What its `SensorTimestamp` is of, and by which clock, stands at [`sensor_time`].
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +25,7 @@ use ::libcamera::stream::{Stream as CameraStream, StreamRole};
 use ::libcamera::utils::UniquePtr;
 use gangway_device::Layout;
 use gangway_linux::camera::{
-    OpenError, Shape, Shutter, Source, Stamp, Stream, StreamError, TimeSource, of_either_clock,
+    OpenError, Shape, Shutter, Source, Stamp, Stream, StreamError, TimeSource, sensor_time,
 };
 use gangway_linux::{Notices, both_clocks};
 use gangway_setup::{Camera as CameraSettings, Capture, SampleFormat};
@@ -159,8 +156,9 @@ impl Libcamera {
         Ok(configuration)
     }
 
-    /// Everything automatic off; exposure, gain, focus and rate as the setup says, each within what the camera takes.
-    fn controls(&self, takes: &ControlInfoMap) -> Result<UniquePtr<ControlList>, OpenError> {
+    /// Everything automatic off; exposure, gain, focus and rate as the setup says, each within what the camera takes. Gives
+    /// the controls and their names.
+    fn controls(&self, takes: &ControlInfoMap) -> Result<(UniquePtr<ControlList>, String), OpenError> {
         let mut list = ControlList::new();
         let mut put = |id: ControlId, value: ControlValue| list.set_raw(id as u32, value);
         let has = |id: ControlId| takes.find(id as u32).is_ok();
@@ -169,7 +167,9 @@ impl Libcamera {
             all.push((ControlId::AeEnable, AeEnable(false).into()));
         }
         let wanted = &self.capture;
-        if self.camera.exposure_ms > 0.0 {
+        if self.camera.exposure_ms > 0.0 && !has(ControlId::ExposureTime) {
+            self.notices.mark("the camera cannot be told its exposure: the setup's is taken");
+        } else if self.camera.exposure_ms > 0.0 {
             let us = (1e3 * self.camera.exposure_ms).round();
             self.within(takes, ControlId::ExposureTime, "camera.exposure_ms", us)?;
             all.push((ControlId::ExposureTime, ExposureTime(us as i32).into()));
@@ -192,10 +192,11 @@ impl Libcamera {
         } else {
             self.notices.mark("the camera does not tell its rate");
         }
+        let names: Vec<String> = all.iter().map(|(id, value)| format!("{} {value:?}", id.name())).collect();
         for (id, value) in all {
             put(id, value).map_err(|error| OpenError::unfit(format!("{}: {error}", self.name)))?;
         }
-        Ok(list)
+        Ok((list, names.join("; ")))
     }
 
     /// The camera has this control, and takes this value.
@@ -243,7 +244,7 @@ impl Source for Libcamera {
         if candidate.named == SampleFormat::Bayer {
             self.notices.mark("the camera's Bayer mosaic is taken as grey");
         }
-        let controls = self.controls(camera.controls())?;
+        let (controls, told) = self.controls(camera.controls())?;
         let (Some(set), layout) = (configuration.get(0), candidate.layout) else {
             return Err(OpenError::absent(format!("the camera {} lost its configuration", self.name)));
         };
@@ -293,6 +294,7 @@ impl Source for Libcamera {
             shape,
             places,
             named: candidate.named,
+            told,
             shutter: Shutter { exposure_ns: (self.camera.exposure_ms * 1e6) as u64, readout_ns },
             wanted_us: 1e3 * self.camera.exposure_ms,
             frames: 0,
@@ -317,6 +319,8 @@ pub(crate) struct LibcameraStream {
     /// Start and length of each buffer's first plane, by the cookie of its request.
     places: Vec<(*const u8, usize)>,
     named: SampleFormat,
+    /// Controls and their values as they were asked for.
+    told: String,
     shutter: Shutter,
     wanted_us: f64,
     frames: u32,
@@ -342,6 +346,15 @@ impl LibcameraStream {
         format!("{width} x {height} {format}, {} bits, {exposure}", self.shape.layout.bits())
     }
 
+    /// The controls that the camera was told, for a person; what it makes of them comes with the frames.
+    pub(crate) fn describe_controls(&self) -> String {
+        if self.told.is_empty() {
+            "it takes none of those that matter here".into()
+        } else {
+            self.told.clone()
+        }
+    }
+
     /// The exposure that the frame tells; after the first ones it must be the one asked for.
     fn note_exposure(&mut self, told: Option<i32>) {
         let Some(us) = told.filter(|us| *us > 0) else { return };
@@ -359,16 +372,11 @@ impl LibcameraStream {
     /// The time that the frame tells, by the monotonic clock, and what it is of.
     fn time(&mut self, told: Option<i64>) -> (u64, TimeSource) {
         let (monotonic_ns, boottime_ns) = both_clocks();
-        let told = told.and_then(|ns| u64::try_from(ns).ok());
-        match told.and_then(|ns| of_either_clock(ns, monotonic_ns, boottime_ns)) {
-            Some(ns) => (ns, TimeSource::StartOfReadout),
-            None => {
-                if !std::mem::replace(&mut self.has_said_clock, true) {
-                    self.notices.mark("the camera tells no time: times are of arrival");
-                }
-                (monotonic_ns, TimeSource::Arrival)
-            }
+        let (ns, source) = sensor_time(told, monotonic_ns, boottime_ns);
+        if source == TimeSource::Arrival && !std::mem::replace(&mut self.has_said_clock, true) {
+            self.notices.mark("the camera tells no time: times are of arrival");
         }
+        (ns, source)
     }
 }
 

@@ -56,7 +56,7 @@ fn a_check_says_in_a_line_each_what_works_and_what_does_not() {
     for line in [
         "ok    setup: 19 circles on 3 targets",
         "no    camera: there is no camera /dev/no-such-camera; check its plug and name",
-        "ok    pins: all that the setup names",
+        "ok    pins: the setup names none",
         "ok    line: tcp://127.0.0.1:",
     ] {
         assert!(said.lines().any(|said| said.starts_with(line)), "{line}\n{said}");

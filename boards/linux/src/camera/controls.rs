@@ -74,6 +74,26 @@ pub(crate) fn apply(device: &impl Controls, wanted: &Capture, exposure_ms: f64) 
     Ok(u64::try_from(exposure).unwrap_or(0) * (EXPOSURE_UNIT_US * 1e3) as u64)
 }
 
+/// The controls as they stand, each with what it takes, for a person.
+pub(crate) fn describe(device: &impl Controls) -> String {
+    let found = |id: &u32| Some((*id, device.range(*id)?));
+    let by_hand = [EXPOSURE_ABSOLUTE, GAIN, ANALOGUE_GAIN, FOCUS_ABSOLUTE].iter().filter_map(found);
+    let mut told: Vec<String> = by_hand
+        .filter_map(|(id, Range { name, least, greatest, .. })| {
+            Some(format!("{name} {} of {least} to {greatest}", device.get(id).ok()?))
+        })
+        .collect();
+    let automatic: Vec<String> = AUTOMATIC
+        .iter()
+        .filter_map(|(id, off)| found(id).filter(|_| device.get(*id) == Ok(*off)))
+        .map(|(_, range)| range.name)
+        .collect();
+    if !automatic.is_empty() {
+        told.push(format!("off: {}", automatic.join(", ")));
+    }
+    if told.is_empty() { "the camera has none of those that matter here".to_owned() } else { told.join("; ") }
+}
+
 /// Whether a device can be told an exposure.
 pub(crate) fn has_exposure(device: &impl Controls) -> bool {
     device.range(EXPOSURE_ABSOLUTE).is_some()
@@ -207,5 +227,13 @@ mod tests {
         let taken = expose(&camera, Exposure { time_s: 3.3e-3, gain: 4.0 });
         assert_eq!(taken, Some(Exposure { time_s: 3.2e-3, gain: 1.0 }));
         assert_eq!(expose(&Fake::with(&[GAIN]), Exposure { time_s: 1e-3, gain: 1.0 }), None);
+    }
+
+    #[test]
+    fn controls_are_told_with_what_they_take_and_what_is_off() {
+        let camera = Fake::with(&[EXPOSURE_AUTO, AUTO_GAIN, EXPOSURE_ABSOLUTE]);
+        apply(&camera, &Capture::default(), 4.0).unwrap();
+        assert_eq!(describe(&camera), "Control 9a0902 40 of 0 to 1000; off: Control 9a0901, Control 980912");
+        assert_eq!(describe(&Fake::with(&[])), "the camera has none of those that matter here");
     }
 }

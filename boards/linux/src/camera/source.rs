@@ -51,11 +51,13 @@ pub struct Shape {
 }
 
 /// Why a stream is over.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StreamError {
     /// No picture came in time.
+    #[error("no picture came in time")]
     Stalled,
     /// The device is gone or failing, with what the system said.
+    #[error("the camera is lost: {0}")]
     Lost(String),
 }
 

@@ -251,6 +251,11 @@ impl V4l2Stream {
         let bits = self.shape.layout.bits();
         format!("{width} x {height} {}, {bits} bits, {exposure}", self.format)
     }
+
+    /// Its controls as they stand, for a person.
+    pub fn describe_controls(&self) -> String {
+        controls::describe(&Driver(&self.device))
+    }
 }
 
 // SAFETY: the pointer is into memory that `mapped` keeps mapped, and used through this stream only.
