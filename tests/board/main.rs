@@ -2,6 +2,7 @@
 //! UART, pins in real registers. `tests/board/prepare` makes what these tests boot; without it they are left out.
 
 mod camera_faults;
+mod card;
 mod cost;
 mod pins;
 mod receiver;

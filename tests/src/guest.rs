@@ -34,6 +34,11 @@ pub struct Guest {
 impl Guest {
     /// Boots a board that has `files` at its root and runs the shell script `job`.
     pub fn boot(job: &str, files: &[(&str, &[u8])]) -> Self {
+        Self::boot_with_card(job, files, None)
+    }
+
+    /// The same with the image of an SD card in its slot; its size is a power of two.
+    pub fn boot_with_card(job: &str, files: &[(&str, &[u8])], card: Option<&Path>) -> Self {
         let cache = cache();
         let folder = tempfile::tempdir().expect("a folder");
         let mut archive = Archive::default();
@@ -55,22 +60,26 @@ impl Guest {
         }
         fs::write(folder.path().join("root.cpio"), archive.end()).expect("the first file system");
 
-        let mut machine = Command::new("qemu-system-aarch64")
-            .current_dir(folder.path())
-            .args(["-M", "raspi3b", "-display", "none", "-initrd", "root.cpio", "-no-reboot"])
-            .arg("-kernel")
-            .arg(cache.join("vmlinuz"))
-            .arg("-dtb")
-            .arg(cache.join("pi3.dtb"))
-            .args(["-append", "console=ttyS1,115200 iomem=relaxed loglevel=3 panic=-1"])
-            .args(["-serial", "file:uart", "-serial", "stdio"])
-            .args(["-monitor", "unix:monitor,server=on,wait=off"])
-            .args(["-usb", "-device", "usb-net,netdev=net", "-netdev", "user,id=net"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::inherit())
-            .spawn()
-            .expect("qemu-system-aarch64 starts");
+        let mut machine =
+            Command::new("qemu-system-aarch64")
+                .current_dir(folder.path())
+                .args(["-M", "raspi3b", "-display", "none", "-initrd", "root.cpio", "-no-reboot"])
+                .arg("-kernel")
+                .arg(cache.join("vmlinuz"))
+                .arg("-dtb")
+                .arg(cache.join("pi3.dtb"))
+                .args(["-append", "console=ttyS1,115200 iomem=relaxed loglevel=3 panic=-1"])
+                .args(["-serial", "file:uart", "-serial", "stdio"])
+                .args(["-monitor", "unix:monitor,server=on,wait=off"])
+                .args(["-usb", "-device", "usb-net,netdev=net", "-netdev", "user,id=net"])
+                .args(card.iter().flat_map(|card| {
+                    ["-drive".to_owned(), format!("if=sd,format=raw,file={}", card.display())]
+                }))
+                .stdin(Stdio::piped())
+                .stdout(Stdio::piped())
+                .stderr(Stdio::inherit())
+                .spawn()
+                .expect("qemu-system-aarch64 starts");
         let console = machine.stdout.take().expect("its console");
         let (give, lines) = channel();
         thread::spawn(move || {
@@ -106,6 +115,12 @@ impl Guest {
                 Err(RecvTimeoutError::Disconnected) => self.fail(&format!("it ended without '{text}'")),
             }
         }
+    }
+
+    /// Takes the supply away, in the middle of whatever it does.
+    pub fn cut(&mut self) {
+        self.machine.kill().expect("it runs");
+        self.machine.wait().expect("it is gone");
     }
 
     fn fail(&mut self, why: &str) -> ! {

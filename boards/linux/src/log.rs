@@ -1,7 +1,8 @@
 //! The ride on the box's own card: every record as it leaves the frame loop, whatever the line does with it.
 //!
-//! A thread of its own writes, so that a slow card holds neither the loop nor the line up. Once a second the file is synced:
-//! a box that loses its supply loses no more than that. A card that is full or failing ends the log, never the ride.
+//! A thread of its own writes, so that a slow card holds neither the loop nor the line up. Twice a second the file is
+//! synced: with the time that the card takes for it, a box that loses its supply loses no more than the last second. A card
+//! that is full or failing ends the log, never the ride.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -13,8 +14,8 @@ use crate::notice::Notices;
 
 /// Records that may wait for the card: some ten seconds of them.
 const SLOTS: usize = 1_024;
-/// From a record's being written to its being safe, at most.
-const SYNC: Duration = Duration::from_secs(1);
+/// Time between two syncs.
+const SYNC: Duration = Duration::from_millis(500);
 
 /// The end that gives records; never waits.
 #[derive(Debug)]
