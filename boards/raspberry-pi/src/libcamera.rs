@@ -192,7 +192,12 @@ impl Libcamera {
         } else {
             self.notices.mark("the camera does not tell its rate");
         }
-        let names: Vec<String> = all.iter().map(|(id, value)| format!("{} {value:?}", id.name())).collect();
+        let names: Vec<String> = all
+            .iter()
+            .map(|(id, value)| {
+                format!("{} {}", id.name(), number(value).map_or("off".into(), |n| n.to_string()))
+            })
+            .collect();
         for (id, value) in all {
             put(id, value).map_err(|error| OpenError::unfit(format!("{}: {error}", self.name)))?;
         }
