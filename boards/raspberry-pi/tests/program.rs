@@ -1,6 +1,8 @@
 //! `gangway-pi` as it is called: mistakes are one sentence with the right exit code, and a check says what works.
 
 use std::io::{BufRead as _, BufReader};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Output, Stdio};
 
@@ -99,6 +101,42 @@ fn a_box_without_a_camera_reads_its_setup_again_and_ends_properly() {
     assert_eq!(events.iter().filter(|event| *event == "SetupChanged").count(), 1, "{events:?}");
     assert!(events.contains(&"CameraLost".to_owned()), "{events:?}");
     assert_eq!(events.last().map(String::as_str), Some("Ended"));
+}
+
+#[test]
+fn a_box_that_is_not_permitted_real_time_says_so_in_its_records_and_measures_on() {
+    let place = tempfile::tempdir().unwrap();
+    let setup = setup(place.path(), "/dev/no-such-camera");
+    let (records, program) = (place.path().join("box.gw"), place.path().join("gangway-pi"));
+    std::fs::copy(assert_cmd::cargo::cargo_bin("gangway-pi"), &program).unwrap();
+    let mut shell = std::process::Command::new("sh");
+    shell.arg("-c").arg("ulimit -r 0; ulimit -l 64; exec \"$@\"").arg("sh");
+    // Who is root may do everything: the program is then started as the user who may do nothing.
+    if rustix::process::geteuid().is_root() {
+        std::fs::set_permissions(place.path(), std::fs::Permissions::from_mode(0o777)).unwrap();
+        shell.uid(65_534).gid(65_534);
+    }
+    let to = format!("file:{}", records.display());
+    let mut program = shell
+        .arg(program)
+        .args(["run", "--setup", &setup, "--to", &to])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
+    for text in ["memory is not locked (", "the frame thread is not in real time ("] {
+        assert!(said.by_ref().any(|line| line.contains(text) && line.contains("; allow Limit")), "{text}");
+    }
+    // A turn of the loop later it is in the records.
+    let pid = Pid::from_child(&program);
+    kill_process(pid, Signal::HUP).unwrap();
+    assert!(said.by_ref().any(|line| line.contains("the new setup is taken over")));
+    kill_process(pid, Signal::TERM).unwrap();
+    assert!(program.wait().unwrap().success());
+    let events = events(&std::fs::read(&records).unwrap());
+    for text in ["memory is not locked", "the frame thread is not in real time"] {
+        assert!(events.iter().any(|event| event.contains(text)), "{events:?}");
+    }
 }
 
 /// The events of a capture, in order.

@@ -288,4 +288,43 @@ mod tests {
         let mut camera = Recovering::new(Fake([Err(OpenErrorKind::Unfit)].into()), 50.0, notices);
         assert_eq!(camera.start().unwrap_err().sentence, "it is away");
     }
+
+    /// Notes how long each picture was waited for.
+    struct Patient(std::sync::mpsc::Sender<Duration>);
+
+    impl Source for Patient {
+        type Stream = Patient;
+
+        fn open(&mut self) -> Result<Patient, OpenError> {
+            Ok(Patient(self.0.clone()))
+        }
+    }
+
+    impl Stream for Patient {
+        fn wait(&mut self, patience: Duration) -> Result<Stamp, StreamError> {
+            self.0.send(patience).unwrap();
+            let (time_ns, source) = (0, TimeSource::EndOfFrame);
+            Ok(Stamp { sequence: 0, time_ns, complete_ns: None, source, is_damaged: false })
+        }
+
+        fn picture(&self) -> &[u8] {
+            &[1, 2, 3, 4]
+        }
+
+        fn shape(&self) -> Shape {
+            Shape { size: (2, 2), stride: 2, layout: Layout::GREY }
+        }
+    }
+
+    #[test]
+    fn three_periods_without_a_picture_are_a_stall_but_a_start_may_take_longer() {
+        let (give, waited) = std::sync::mpsc::channel();
+        let mut camera = Recovering::new(Patient(give), 50.0, Notices::channel().0);
+        camera.start().unwrap();
+        for _ in 0..3 {
+            camera.next_frame().unwrap();
+        }
+        let stalled = Duration::from_millis(60);
+        assert_eq!(waited.try_iter().collect::<Vec<_>>(), [Duration::from_secs(2), stalled, stalled]);
+    }
 }
