@@ -4,6 +4,7 @@
 mod camera_faults;
 mod card;
 mod cost;
+mod formats;
 mod pins;
 mod receiver;
 mod said;

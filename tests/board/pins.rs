@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use e2e::guest::Guest;
+
 use crate::show::{Show, camera};
 
 /// The lamp and the status lamp of the pin tests, as bits of the level register GPLEV0.
@@ -82,6 +84,20 @@ fn lamps_that_alternate_do_so_on_their_pin_and_are_dark_at_the_end() {
     board.go();
     board.expect("board: ended");
     assert_eq!(board.word(GPLEV0) & (LAMP | STATUS), 0, "dark after SIGTERM");
+    board.go();
+    board.wait();
+}
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn a_lamp_on_the_gpio_character_device_is_lit_and_dark_again_when_it_is_given_back() {
+    let job = "lamp /dev/gpiochip0 17; echo 'board: given back'; read go";
+    let mut board = Guest::boot(job, &[]);
+    board.expect("lamp: lit");
+    assert_eq!(board.word(GPLEV0) & LAMP, LAMP);
+    board.go();
+    board.expect("board: given back");
+    assert_eq!(board.word(GPLEV0) & LAMP, 0);
     board.go();
     board.wait();
 }
