@@ -69,6 +69,26 @@ fn a_check_says_in_a_line_each_what_works_and_what_does_not() {
 }
 
 #[test]
+fn the_setup_of_the_readme_is_one_that_the_program_takes() {
+    let readme = include_str!("../README.md");
+    let keys = readme.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let place = tempfile::tempdir().unwrap();
+    let rides = place.path().join("rides").display().to_string();
+    assert!(keys.contains("/var/lib/gangway"), "{keys}");
+    let ride = std::fs::read_to_string(RIDE).unwrap();
+    // What the example has of these two tables is commented out.
+    let ride = ride.replace("[capture] ", "# ").replace("[board]\n", "\n");
+    let setup = place.path().join("setup.toml");
+    std::fs::write(&setup, format!("{ride}\n{}", keys.replace("/var/lib/gangway", &rides))).unwrap();
+    let output = run(&["check", "--setup", &setup.display().to_string(), "--to", "tcp://127.0.0.1:0"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    for line in ["ok    setup: ", "no    camera: there is no camera /dev/v4l/by-id/usb-"] {
+        assert!(said.contains(line), "{line}\n{said}{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert!(said.contains(&format!("ok    log: every ride is kept in {rides}")), "{said}");
+}
+
+#[test]
 fn a_box_without_a_camera_reads_its_setup_again_and_ends_properly() {
     let place = tempfile::tempdir().unwrap();
     let setup = setup(place.path(), "/dev/no-such-camera");
