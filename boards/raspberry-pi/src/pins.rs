@@ -1,12 +1,13 @@
 //! The pins of a Raspberry Pi: lamps of lit targets, a status lamp, a push button, a sync input.
 
+use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use gangway_engine::Command;
+use gangway_engine::{Command, MAX_MARK};
 use gangway_linux::{Notices, State};
 use gangway_setup::Board;
-use rppal::gpio::{Gpio, InputPin, OutputPin, Pin, Trigger};
+use rppal::gpio::{Event, Gpio, InputPin, OutputPin, Pin, Trigger};
 
 /// Pressed for longer, the button marks the start or the end of a run instead of setting the rest pose.
 const LONG: Duration = Duration::from_millis(1_500);
@@ -49,14 +50,7 @@ impl Pins {
         if let Some(pin) = &mut sync {
             let notices = notices.clone();
             pin.set_async_interrupt(Trigger::Both, Some(BOUNCE), move |edge| {
-                let way = if edge.trigger == Trigger::RisingEdge { "rise" } else { "fall" };
-                let mut text = heapless::String::new();
-                // 10 letters and at most 20 digits: they always fit.
-                let _ = std::fmt::Write::write_fmt(
-                    &mut text,
-                    format_args!("sync {way} {}", edge.timestamp.as_nanos()),
-                );
-                notices.command(Command::Mark(text));
+                notices.command(Command::Mark(edge_mark(&edge)));
             })
             .with_context(|| format!("pin {} gives no edges", board.sync_pin))?;
         }
@@ -97,6 +91,15 @@ fn dark(pin: Pin) -> OutputPin {
     let mut pin = pin.into_output_low();
     pin.set_reset_on_drop(false);
     pin
+}
+
+/// The mark of an edge of the sync input, with the kernel's time of it: CLOCK_MONOTONIC (linux/gpio.h, version 2), ns.
+fn edge_mark(edge: &Event) -> heapless::String<MAX_MARK> {
+    let way = if edge.trigger == Trigger::RisingEdge { "rise" } else { "fall" };
+    let mut text = heapless::String::new();
+    // 10 letters and at most 20 digits: they always fit.
+    let _ = write!(text, "sync {way} {}", edge.timestamp.as_nanos());
+    text
 }
 
 /// The blink code: slowly while the box waits, steadily while it measures, fast while it has no camera.
@@ -178,5 +181,15 @@ mod tests {
         // Two seconds, in turns of 50 ms.
         let counted = [State::Measuring, State::Waiting, State::Fault].map(changes);
         assert_eq!(counted, [0, 3, 19]);
+    }
+
+    #[test]
+    fn an_edge_is_marked_with_its_way_and_its_time() {
+        let edge = |trigger, timestamp| edge_mark(&Event { timestamp, seqno: 1, trigger });
+        let time = Duration::new(12, 345);
+        assert_eq!(edge(Trigger::RisingEdge, time).as_str(), "sync rise 12000000345");
+        // As long as the kernel can count.
+        let longest = Duration::from_nanos(u64::MAX);
+        assert_eq!(edge(Trigger::FallingEdge, longest).as_str(), "sync fall 18446744073709551615");
     }
 }
