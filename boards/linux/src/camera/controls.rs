@@ -80,13 +80,13 @@ pub(crate) fn describe(device: &impl Controls) -> String {
     let by_hand = [EXPOSURE_ABSOLUTE, GAIN, ANALOGUE_GAIN, FOCUS_ABSOLUTE].iter().filter_map(found);
     let mut told: Vec<String> = by_hand
         .filter_map(|(id, Range { name, least, greatest, .. })| {
-            Some(format!("{name} {} of {least} to {greatest}", device.get(id).ok()?))
+            Some(format!("'{name}' {} of {least} to {greatest}", device.get(id).ok()?))
         })
         .collect();
     let automatic: Vec<String> = AUTOMATIC
         .iter()
         .filter_map(|(id, off)| found(id).filter(|_| device.get(*id) == Ok(*off)))
-        .map(|(_, range)| range.name)
+        .map(|(_, range)| format!("'{}'", range.name))
         .collect();
     if !automatic.is_empty() {
         told.push(format!("off: {}", automatic.join(", ")));
@@ -233,7 +233,10 @@ mod tests {
     fn controls_are_told_with_what_they_take_and_what_is_off() {
         let camera = Fake::with(&[EXPOSURE_AUTO, AUTO_GAIN, EXPOSURE_ABSOLUTE]);
         apply(&camera, &Capture::default(), 4.0).unwrap();
-        assert_eq!(describe(&camera), "Control 9a0902 40 of 0 to 1000; off: Control 9a0901, Control 980912");
+        assert_eq!(
+            describe(&camera),
+            "'Control 9a0902' 40 of 0 to 1000; off: 'Control 9a0901', 'Control 980912'"
+        );
         assert_eq!(describe(&Fake::with(&[])), "the camera has none of those that matter here");
     }
 }
