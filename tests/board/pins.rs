@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use e2e::guest::Guest;
 
+use crate::said::Said;
 use crate::show::{Show, camera};
 
 /// The lamp and the status lamp of the pin tests, as bits of the level register GPLEV0.
@@ -100,4 +101,36 @@ fn a_lamp_on_the_gpio_character_device_is_lit_and_dark_again_when_it_is_given_ba
     assert_eq!(board.word(GPLEV0) & LAMP, 0);
     board.go();
     board.wait();
+}
+
+/// Pin 23 as an output, by whose latch the level of the button's input is made: GPFSEL2, GPSET0 and GPCLR0.
+const BUTTON: &str = "
+    latch() { devmem 0x3f200008 32 0x200; devmem $1 32 0x800000; }
+    release() { latch 0x3f20001c; }
+    press() { latch 0x3f200028; sleep $1; release; sleep 1; }
+";
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn a_short_press_of_the_button_sets_the_rest_pose_and_long_ones_mark_start_and_end() {
+    let show = Show::new("[board]\nbutton_pin = 23\n");
+    let job = BUTTON.to_owned()
+        + &camera()
+        + "release
+        gangway-pi run --setup /setup.toml --to serial:/dev/ttyAMA0@115200 & BOX=$!; sleep 8
+        press 0.3; press 3; press 3; sleep 4
+        kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"
+        kill $FEED";
+    let mut board = show.boot(&job);
+    board.expect("board: box ended with 0");
+    board.wait();
+    let said = Said::of(&std::fs::read(board.uart()).expect("records"));
+    let pressed: Vec<&str> = said
+        .events
+        .iter()
+        .map(|(_, event)| event.as_str())
+        .filter(|event| *event == "RestRequested" || event.contains("\"start\"") || event.contains("\"end\""))
+        .collect();
+    let [rest, start, end] = pressed.as_slice() else { panic!("{:?}", said.events) };
+    assert!(*rest == "RestRequested" && start.contains("start") && end.contains("end"), "{pressed:?}");
 }
