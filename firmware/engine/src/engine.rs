@@ -484,7 +484,7 @@ impl Engine {
         if solution.is_ok() && self.is_ambiguous() {
             flags |= PoseFlags::AMBIGUOUS;
         }
-        if self.suspicion.has_moved() {
+        if self.suspicion.has_moved(frame.time_ns()) {
             flags |= PoseFlags::CAMERA_MOVED;
         }
         if self.own.as_ref().is_some_and(|own| !own.is_seen()) {
