@@ -243,7 +243,7 @@ impl Engine {
         self.carbody.looks().chain(own).map(move |(circle, search, outcome)| Look {
             circle,
             at: search.at,
-            side_px: libm::ceil(diameters * search.diameter_px()),
+            side_px: search.side_px(diameters),
             seen: match outcome {
                 Ok(ring) => Ok(ring.centre.at),
                 Err(refusal) => Err(visibility::lost_reason(*refusal)),
