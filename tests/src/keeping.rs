@@ -35,15 +35,17 @@ pub struct Worst {
 pub struct Outcome {
     /// Frames in all.
     pub frames: usize,
-    /// Frames with enough rings free, after the targets were found first ...
+    /// Frames with enough rings free ...
     pub enough: usize,
     /// ... and of these the ones with a pose.
     pub poses: usize,
+    /// Most frames with enough rings free before the first pose.
+    pub first: usize,
     /// Frames whose motion is marked: the camera may have moved, or reference targets are hidden.
     pub marked: usize,
     /// Wrong rings in poses.
     pub wrong: usize,
-    /// Most frames on end with enough rings free and no pose.
+    /// Most frames on end with enough rings free and no pose, after the first one.
     pub longest: usize,
     /// Most frames on end with a pose in which one and the same ring was missing that was free and not clipped.
     pub ring_longest: usize,
@@ -69,6 +71,7 @@ impl Outcome {
         self.poses += other.poses;
         self.marked += other.marked;
         self.wrong += other.wrong;
+        self.first = self.first.max(other.first);
         self.longest = self.longest.max(other.longest);
         self.ring_longest = self.ring_longest.max(other.ring_longest);
         for (most, new) in [(&mut self.off_mm, other.off_mm), (&mut self.off_deg, other.off_deg)] {
@@ -177,7 +180,8 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
             outcome.poses += usize::from(has_pose);
         }
         without = if missing { without + 1 } else { 0 };
-        outcome.longest = outcome.longest.max(without);
+        let longest = if outcome.poses == 0 { &mut outcome.first } else { &mut outcome.longest };
+        *longest = without.max(*longest);
         // Before they are found first there is nothing to look at.
         let rank = (wrong, missing && outcome.poses > 0, sigmas);
         if rank >= outcome.worst.rank {

@@ -10,7 +10,7 @@ use crate::LampMode;
 use crate::windows::Sight;
 
 /// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
-pub(crate) const WORK_A_RING: u32 = 51_000;
+pub(crate) const WORK_A_RING: u32 = 45_000;
 /// Tracking of 28 rings.
 const TRACKING: u32 = 28 * WORK_A_RING;
 

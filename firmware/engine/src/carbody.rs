@@ -8,6 +8,7 @@ use gangway_pose::{
 };
 use gangway_vision::{Refusal, Ring, Search, Tracker};
 use heapless::Vec;
+use nalgebra::Vector3;
 
 use crate::Settings;
 use crate::acquire::is_near;
@@ -19,6 +20,14 @@ use crate::windows::{self, Sight};
 
 /// A ring that a sweep saw within so many diameters of a window's middle may be in it.
 const GLIMPSE: f64 = 1.25;
+
+/// Fewest rings, too few for a pose, that tell how far the carbody has moved in the picture ...
+const LEAST_FOLLOWED: usize = 3;
+/// ... if they have all moved alike, to this share of a diameter.
+const ALIKE: f64 = 0.2;
+
+/// Fewest circles that the windows of a pose found in the picture must show of those it rests on.
+const LEAST_FOUND: u32 = 6;
 
 /// What is known of one carbody.
 pub(crate) struct Carbody {
@@ -213,6 +222,10 @@ impl Carbody {
         }
         let pose = self.predictor.predict(frame.number());
         windows::searches(&sight(means, &self.circles, &self.seeds), &pose, first, &mut self.searches);
+        if !self.keeper.is_lost() {
+            let uncertain_px = self.predictor.uncertain_px(frame.number());
+            self.searches.iter_mut().for_each(|search| search.uncertain_px = uncertain_px);
+        }
         match self.keeper.glimpses() {
             None => self.look(frame, tracker, means),
             Some(rings) => {
@@ -300,7 +313,10 @@ impl Carbody {
             is_plausible: means.is_plausible,
         };
         let mut found = match self.keeper.judge(frame, &question) {
-            Verdict::Keep => solution,
+            Verdict::Keep => {
+                self.learn_off(&solution);
+                solution
+            }
             Verdict::Refuse => solution.and(Err(PoseError::NoConsensus)),
             Verdict::Try { found, instead } => {
                 let first = if instead { solution.and(Err(PoseError::NoConsensus)) } else { solution };
@@ -318,8 +334,52 @@ impl Carbody {
                 self.track.forget();
             }
         }
-        self.keeper.note(found.ok().map(|_| used(&found)), self.in_picture(means.settings));
+        let follows = found.is_err() && !self.keeper.is_lost() && self.follow_few(frame.number(), means);
+        self.keeper.note(found.ok().map(|_| used(&found)), follows, self.in_picture(means.settings));
         found
+    }
+
+    /// How far the rings in the pose were off where they were expected.
+    fn learn_off(&mut self, found: &Result<Solution, PoseError>) {
+        let Ok(solution) = found else { return };
+        let mut sum = 0.0;
+        for (i, (search, outcome)) in self.searches.iter().zip(&self.outcomes).enumerate() {
+            if let (Ok(ring), 1) = (outcome, solution.used >> i & 1) {
+                let [u, v] = [0, 1].map(|axis| ring.centre.at[axis] - search.at[axis]);
+                sum += u * u + v * v;
+            }
+        }
+        self.predictor.learn(libm::sqrt(sum / f64::from(solution.used.count_ones().max(1))));
+    }
+
+    /// Of a carbody that shows too little for a pose: moves its windows along with the rings that are still where they were
+    /// expected, so that the others are looked for where they must come back. False if there are not enough.
+    fn follow_few(&mut self, frame: u32, means: &Means<'_>) -> bool {
+        let Settings { lens, .. } = means.settings;
+        let pose = self.predictor.predict(frame);
+        let (mut moves, mut depth) = (Vec::<([f64; 2], f64), MAX_CIRCLES>::new(), 0.0);
+        for ((circle, search), outcome) in self.circles.iter().zip(&self.searches).zip(&self.outcomes) {
+            let Ok(ring) = outcome else { continue };
+            let by = [0, 1].map(|i| ring.centre.at[i] - search.at[i]);
+            // At most as many as circles, and all are bounded by MAX_CIRCLES.
+            let _ = moves.push((by, search.diameter_px()));
+            depth += pose.transform(&circle.point).z;
+        }
+        if moves.len() < LEAST_FOLLOWED {
+            return false;
+        }
+        let share = 1.0 / moves.len() as f64;
+        let mean = moves.iter().fold([0.0; 2], |sum, (by, _)| [0, 1].map(|i| sum[i] + share * by[i]));
+        let is_alike = |(by, diameter): &([f64; 2], f64)| {
+            libm::hypot(by[0] - mean[0], by[1] - mean[1]) < ALIKE * diameter
+        };
+        if !moves.iter().all(is_alike) {
+            return false;
+        }
+        let [x, y] = [0, 1].map(|i| share * depth * mean[i] / lens.focal[i]);
+        let moved = Pose { translation: pose.translation + Vector3::new(x, y, 0.0), ..pose };
+        self.predictor.update(frame, moved);
+        true
     }
 
     /// Where the circles are that no rest interval has shown: a rolling shutter would move those of a moving train.
@@ -381,7 +441,9 @@ impl Carbody {
         self.look(frame, tracker, means);
         let other = self.solve(frame, means, &found.pose);
         // It was found in the frames before: where the train has moved on since, windows may show less, and something else.
-        if used(&other) > used(&first) && keep::is_trusted(used(&other), found.found) {
+        let shows_it =
+            keep::is_trusted(used(&other), found.found) && used(&other) >= found.found.min(LEAST_FOUND);
+        if used(&other) > used(&first) && shows_it {
             return other;
         }
         (self.outcomes, self.searches) = (outcomes, searches);

@@ -243,7 +243,7 @@ impl Engine {
         self.carbody.looks().chain(own).map(move |(circle, search, outcome)| Look {
             circle,
             at: search.at,
-            side_px: libm::ceil(diameters * search.diameter_px()),
+            side_px: search.side_px(diameters),
             seen: match outcome {
                 Ok(ring) => Ok(ring.centre.at),
                 Err(refusal) => Err(visibility::lost_reason(*refusal)),
@@ -484,7 +484,7 @@ impl Engine {
         if solution.is_ok() && self.is_ambiguous() {
             flags |= PoseFlags::AMBIGUOUS;
         }
-        if self.suspicion.has_moved() {
+        if self.suspicion.has_moved(frame.time_ns()) {
             flags |= PoseFlags::CAMERA_MOVED;
         }
         if self.own.as_ref().is_some_and(|own| !own.is_seen()) {

@@ -39,7 +39,7 @@ pub(crate) const BEYOND_LIMITS: f64 = 1.3;
 enum Hold {
     /// Since the last frame.
     Kept,
-    /// Not for so many frames.
+    /// For so many frames nothing of it was seen.
     Missing(u32),
     /// Nothing; whether it was known once.
     Lost { once: bool },
@@ -211,8 +211,8 @@ impl Keeper {
         self.acquirer.take_spent()
     }
 
-    /// Takes note of how the frame ended.
-    pub(crate) fn note(&mut self, used: Option<u32>, in_picture: u32) {
+    /// Takes note of how the frame ended: with so many circles in a pose, or at least with some where they were `followed`.
+    pub(crate) fn note(&mut self, used: Option<u32>, followed: bool, in_picture: u32) {
         if let Some(used) = used {
             self.hold = Hold::Kept;
             self.looks_back = false;
@@ -225,6 +225,7 @@ impl Keeper {
         self.settled = None;
         self.hold = match self.hold {
             Hold::Kept => Hold::Missing(1),
+            Hold::Missing(_) if followed => Hold::Missing(1),
             Hold::Missing(frames) if frames < COASTING_FRAMES => Hold::Missing(frames + 1),
             Hold::Missing(_) => Hold::Lost { once: true },
             lost => lost,
@@ -409,12 +410,12 @@ mod tests {
         let mut keeper = Keeper::new(&whole(&settings), true, false);
         for _ in 0..COASTING_FRAMES {
             assert!(keeper.follows());
-            keeper.note(None, 5);
+            keeper.note(None, false, 5);
         }
         assert!(keeper.follows());
-        keeper.note(None, 5);
+        keeper.note(None, false, 5);
         assert!(!keeper.follows());
-        keeper.note(Some(5), 5);
+        keeper.note(Some(5), false, 5);
         assert!(keeper.follows());
     }
 }

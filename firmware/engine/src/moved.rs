@@ -12,6 +12,11 @@ use crate::mount::is_significant;
 /// A step counts if it is beyond the limit by this many standard deviations of its noise.
 const SIGMAS: f64 = 5.0;
 
+/// A turn beyond this share of its limit is no train's everyday: the poses from it on are doubtful ...
+const JOLT: f64 = 0.4;
+/// ... for so long, ns. A shaking camera repeats it within that time.
+const DOUBTFUL_NS: u64 = 500_000_000;
+
 /// A pose with its frame's number and time.
 #[derive(Clone, Copy)]
 struct Past {
@@ -26,12 +31,14 @@ struct Past {
 pub(crate) struct Suspicion {
     past: [Option<Past>; 2],
     moved: bool,
+    /// When a frame of doubtful motion came last, ns.
+    jolted_ns: Option<u64>,
 }
 
 impl Suspicion {
-    /// Whether the poses may have the camera's own motion in them.
-    pub(crate) fn has_moved(&self) -> bool {
-        self.moved
+    /// Whether the pose of this time may have the camera's own motion in it.
+    pub(crate) fn has_moved(&self, time_ns: u64) -> bool {
+        self.moved || self.jolted_ns.is_some_and(|then| time_ns.saturating_sub(then) < DOUBTFUL_NS)
     }
 
     /// There is a new rest pose: what was before it is of no account.
@@ -45,7 +52,8 @@ impl Suspicion {
     }
 
     /// Takes the pose of the next frame, with the middle of the circles in the carbody; tells a step that no train can
-    /// make. After a step the two next frames, whose speed still has it in it, are not judged.
+    /// make. After a step the two next frames, whose speed still has it in it, are not judged. A lesser one that few trains
+    /// make puts the poses after it into doubt.
     pub(crate) fn follow(
         &mut self,
         (frame, time_ns): (u32, u64),
@@ -77,7 +85,11 @@ impl Suspicion {
         let of_shift = libm::sqrt(of_shift + lever * lever * of_turn);
         let square_s = step_ns as f64 * step_before_ns as f64 * 1e-18;
         let limit = [limits.shock_mm_s2 * square_s, limits.shock_deg_s2.to_radians() * square_s];
-        let is_shock = shift > limit[0] + SIGMAS * of_shift || turn > limit[1] + SIGMAS * libm::sqrt(of_turn);
+        let of_turn = SIGMAS * libm::sqrt(of_turn);
+        if turn > JOLT * limit[1] + of_turn {
+            self.jolted_ns = Some(time_ns);
+        }
+        let is_shock = shift > limit[0] + SIGMAS * of_shift || turn > limit[1] + of_turn;
         if !is_shock {
             return None;
         }
@@ -133,7 +145,7 @@ mod tests {
             suspicion.follow((*frame, time_ns), &solution, &middle, &Limits::default()).is_some()
         });
         let count = told.count();
-        assert_eq!(suspicion.has_moved(), count > 0);
+        assert_eq!(suspicion.moved, count > 0);
         count
     }
 
@@ -159,6 +171,22 @@ mod tests {
     }
 
     #[test]
+    fn a_turn_that_few_trains_make_is_doubtful_at_once_and_for_half_a_second_and_raises_no_event() {
+        let mut suspicion = Suspicion::default();
+        let mut doubtful = |frame: u32| {
+            let (time_ns, turn) = (u64::from(frame) * 20_000_000, if frame < 20 { 0.0 } else { 0.14 });
+            let middle = Vector3::new(100.0, 0.0, 300.0);
+            let solution = at([0.0; 3], [0.0, 0.0, turn]);
+            let shock = suspicion.follow((frame, time_ns), &solution, &middle, &Limits::default());
+            assert!(shock.is_none(), "0.14 degrees could be a train");
+            suspicion.has_moved(time_ns)
+        };
+        let told: std::vec::Vec<bool> = (0..100).map(&mut doubtful).collect();
+        // The speed ends a frame after it began.
+        assert!((0..100).all(|frame| told[frame] == (20..46).contains(&frame)), "{told:?}");
+    }
+
+    #[test]
     fn a_knock_of_2_mm_that_turns_nothing_looks_like_a_train() {
         assert_eq!(shocks(100, |t| ([0.0, if t > 1.0 { 2.0 } else { 0.0 }, 0.0], [0.0; 3])), 0);
     }
@@ -170,7 +198,7 @@ mod tests {
         let mut suspicion = Suspicion::default();
         let mut stands = |place: &Solution| {
             let told = suspicion.stands(place, &rest, &Limits::default()).is_some();
-            (told, suspicion.has_moved())
+            (told, suspicion.has_moved(0))
         };
         assert_eq!(stands(&at([0.0, 4.0, 0.0], [0.0; 3])), (false, false), "what suspensions leave");
         assert_eq!(stands(&at([0.0, 7.0, 0.0], [0.0, 0.0, 0.3])), (true, true));

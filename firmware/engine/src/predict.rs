@@ -5,6 +5,8 @@ use nalgebra::{Matrix3, Rotation3};
 
 /// Frames without a pose over which the last motion is still carried on; then the last place is kept.
 const COASTING_FRAMES: u32 = 3;
+/// Share of what rings were off that is still to be expected a frame later.
+const FADING: f64 = 0.9;
 
 /// The last poses, by frame number.
 #[derive(Clone, Copy, Debug)]
@@ -14,12 +16,14 @@ pub(crate) struct Predictor {
     frame: Option<u32>,
     /// Motion from one frame to the next, camera frame: `R' = turn R`, `t' = t + shift`.
     motion: Option<Pose>,
+    /// How far rings were off their windows' middles lately, px root mean square: at most, fading.
+    off_px: f64,
 }
 
 impl Predictor {
     /// Starts from a pose known beforehand.
     pub(crate) fn from_pose(pose: Pose) -> Self {
-        Self { last: pose, frame: None, motion: None }
+        Self { last: pose, frame: None, motion: None, off_px: 0.0 }
     }
 
     /// Takes the pose measured in `frame`.
@@ -33,6 +37,19 @@ impl Predictor {
         });
         self.last = pose;
         self.frame = Some(frame);
+    }
+
+    /// Takes how far the rings of a frame were off where they were expected, px root mean square.
+    pub(crate) fn learn(&mut self, off_px: f64) {
+        self.off_px = off_px.max(FADING * self.off_px);
+    }
+
+    /// How far rings may be off where they are expected in `frame`, px: what they were off from one frame to the next is an
+    /// acceleration, and adds up as one.
+    pub(crate) fn uncertain_px(&self, frame: u32) -> f64 {
+        let Some(before) = self.frame else { return 0.0 };
+        let gap = f64::from(frame.wrapping_sub(before).min(COASTING_FRAMES + 1));
+        self.off_px * 0.5 * gap * (gap + 1.0)
     }
 
     /// Forgets the last motion: it was a jump, and jumps do not go on.
@@ -115,6 +132,18 @@ mod tests {
         predictor.rebase(&knock);
         let off = predictor.predict(2).translation - knock.after(&at(6.0)).translation;
         assert!(off.norm() < 1e-9, "rounding only");
+    }
+
+    #[test]
+    fn what_rings_were_off_is_expected_again_and_adds_up_over_a_gap() {
+        let mut predictor = Predictor::from_pose(at(0.0));
+        predictor.update(0, at(0.0));
+        assert_eq!(predictor.uncertain_px(1), 0.0, "nothing was off yet");
+        predictor.learn(4.0);
+        assert_eq!([1, 2, 3].map(|frame| predictor.uncertain_px(frame)), [4.0, 12.0, 24.0]);
+        assert_eq!(predictor.uncertain_px(1000), predictor.uncertain_px(4), "no more than can be looked at");
+        (0..40).for_each(|_| predictor.learn(0.1));
+        assert_eq!(predictor.uncertain_px(1), 0.1, "it fades");
     }
 
     #[test]

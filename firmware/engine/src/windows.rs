@@ -56,6 +56,7 @@ pub(crate) fn searches(
                 reach_px: 0.0,
                 target: circle.target,
                 confident: !at_seeds,
+                uncertain_px: 0.0,
             },
             Err(_) => Search { target: circle.target, ..Search::round([f64::NAN; 2], 0.0) },
         };

@@ -2,6 +2,11 @@
 
 use gangway_pose::Centre;
 
+/// White around a ring that its window must show, diameters.
+const WHITE: f64 = 0.25;
+/// A window grows by no more than so many diameters.
+const MOST_GROWTH: f64 = 1.5;
+
 /// Where to look for a ring and what it should look like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
@@ -20,6 +25,8 @@ pub struct Search {
     /// Whether the prediction comes from a measured pose (true) or is a guess. Only confident searches vote on
     /// how far their target has moved.
     pub confident: bool,
+    /// How far from `at` the ring is to be expected, px: where that is more than the window has room for, it grows.
+    pub uncertain_px: f64,
     /// Centroid of the projected outer disc minus projected centre, px (thesis 3.2.4), as far as the caller
     /// knows it from the pose; the answer is without it. Zero where unknown.
     pub bias: [f64; 2],
@@ -36,6 +43,7 @@ impl Search {
             reach_px: diameter_px,
             target: 0,
             confident: true,
+            uncertain_px: 0.0,
             bias: [0.0; 2],
         }
     }
@@ -54,6 +62,15 @@ impl Search {
     pub fn diameter_px(&self) -> f64 {
         let [uu, uv, vv] = self.shape;
         4.0 * libm::sqrt(libm::sqrt((uu * vv - uv * uv).max(0.0)))
+    }
+
+    /// Side of its window, px: so many diameters, and as many pixels more either way as the ring may be off beyond what
+    /// they have room for.
+    pub fn side_px(&self, diameters: f64) -> f64 {
+        let diameter = self.diameter_px();
+        let room = (0.5 * (diameters - 1.0) - WHITE) * diameter;
+        let growth = (2.0 * (self.uncertain_px - room)).max(0.0).min(MOST_GROWTH * diameter);
+        libm::ceil(diameters * diameter + growth)
     }
 }
 

@@ -158,7 +158,7 @@ impl Tracker {
         }
         let refused = |refusal| Miss { refusal, cut_at: None };
         let diameter = search.diameter_px();
-        let side = libm::ceil(self.settings.window_diameters * diameter).min(MAX_SIDE as f64);
+        let side = search.side_px(self.settings.window_diameters).min(MAX_SIDE as f64);
         let half = 0.5 * (side - 1.0);
         let (low, high) = ([at[0] - half, at[1] - half], [at[0] + half, at[1] + half]);
         let rect = Rect::clipped(frame, low, high).ok_or(refused(Refusal::OutsidePicture))?;

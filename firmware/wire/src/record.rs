@@ -126,7 +126,8 @@ impl PoseFlags {
     pub const DARK: Self = Self(1 << 9);
     /// The lamps were switched within the exposure, by what their circles show; these did not count.
     pub const SWITCHED: Self = Self(1 << 10);
-    /// The camera may have moved on its carbody since rest, and no reference targets tell: the motion may be its own.
+    /// The camera may have moved on its carbody since rest, or turns as few trains do, and no reference targets tell: the
+    /// motion may be its own.
     pub const CAMERA_MOVED: Self = Self(1 << 12);
     /// There are reference targets, and this frame does not show them: the motion is against the place where they were
     /// seen before, with what the camera has shaken about it in the standard deviations.

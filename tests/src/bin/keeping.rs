@@ -78,7 +78,7 @@ fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
 
 fn heading() {
     println!(
-        "{:15} {:>5} {:>7} {:>7} {:>7} {:>6} {:>6} {:>7} {:>5} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5} {:>5}  worst",
+        "{:15} {:>5} {:>7} {:>7} {:>7} {:>6} {:>6} {:>5} {:>7} {:>5} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5} {:>5}  worst",
         "scene",
         "seeds",
         "frames",
@@ -86,6 +86,7 @@ fn heading() {
         "poses",
         "wrong",
         "marked",
+        "first",
         "longest",
         "ring",
         "mm (sigma)",
@@ -102,12 +103,13 @@ fn row(name: &str, seeds: u64, all: &Outcome) {
     let [median, most] = all.cost();
     let (mm, deg) = (all.off_mm, all.off_deg);
     println!(
-        "{name:15} {seeds:5} {:7} {:7} {:7} {:6} {:6} {:7} {:5} {:>15} {:>17} {:6.1} {median:9.0} {most:7.0} {:5.1} {:5.2}  seed {}, frame {}",
+        "{name:15} {seeds:5} {:7} {:7} {:7} {:6} {:6} {:5} {:7} {:5} {:>15} {:>17} {:6.1} {median:9.0} {most:7.0} {:5.1} {:5.2}  seed {}, frame {}",
         all.frames,
         all.enough,
         all.poses,
         all.wrong,
         all.marked,
+        all.first,
         all.longest,
         all.ring_longest,
         format!("{:.3} ({:.3})", mm[0], mm[1]),

@@ -31,8 +31,12 @@ const SIZE: f64 = 1.3;
 /// A hypothesis stands on two targets of which so many circles are found, together so many ...
 const ON_TARGET: u32 = 3;
 const ON_TWO: u32 = 8;
-/// ... or on this share of all circles that should be in the picture.
+/// ... or on this share of all circles that should be in the picture ...
 const SHARE: (u32, u32) = (7, 10);
+/// ... or, with a plausible pose, on so many, of which so many are not on the target with the most: a sheet that looks like a
+/// target has nothing there.
+const ON_FEW: u32 = 6;
+const ASIDE: u32 = 2;
 /// With this share of all circles in its groups a hypothesis is not bettered from other targets.
 const SETTLED: (usize, usize) = (8, 10);
 /// A hypothesis whose groups have less than this share of the circles that the best one has found is no rival.
@@ -63,6 +67,8 @@ pub(crate) struct Hypothesis {
     expected: u32,
     /// Targets with enough circles found.
     targets: u32,
+    /// Circles found that are not on the target with the most.
+    aside: u32,
     residual_px: f64,
 }
 
@@ -136,7 +142,8 @@ impl Rivals {
             best
         };
         let stands = chosen.targets >= 2 && chosen.found >= ON_TWO
-            || chosen.found * SHARE.1 >= chosen.expected * SHARE.0;
+            || chosen.found * SHARE.1 >= chosen.expected * SHARE.0
+            || chosen.found >= ON_FEW && chosen.aside >= ASIDE && (view.is_plausible)(&chosen.pose);
         let Hypothesis { pose, found, expected, .. } = *chosen;
         if stands { Ok(Assigned { pose, found, expected }) } else { Err(Unassigned::TooFew) }
     }
@@ -195,6 +202,7 @@ impl Hypothesis {
             }
         }
         self.targets = on_target.iter().filter(|count| **count >= ON_TARGET).count() as u32;
+        self.aside = self.found - on_target.iter().max().unwrap_or(&0);
     }
 }
 
@@ -267,6 +275,7 @@ pub(crate) fn from_group(
                 found: 0,
                 expected: 0,
                 targets: 0,
+                aside: 0,
                 residual_px: f64::INFINITY,
             };
             hypothesis.groups[place] = number as u8;

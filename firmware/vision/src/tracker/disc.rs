@@ -74,7 +74,7 @@ impl Tracker {
 
 /// Side of a disc's window, px.
 fn side(settings: &Settings, search: &Search) -> f64 {
-    libm::ceil(settings.window_diameters * search.diameter_px()).clamp(LEAST_SIDE, MAX_SIDE as f64)
+    search.side_px(settings.window_diameters).clamp(LEAST_SIDE, MAX_SIDE as f64)
 }
 
 /// The tracker but for its dark windows, which a frame may be made of.

@@ -301,6 +301,7 @@ fn random_bytes_and_absurd_searches_never_panic_nor_give_a_ring_that_is_no_numbe
             reach_px: pick(30.0),
             target: 0,
             confident: true,
+            uncertain_px: pick(0.0),
             bias: [pick(0.0), pick(0.0)],
         };
         let mut rings = [Err(Refusal::NotFound); 3];
