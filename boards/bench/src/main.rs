@@ -33,9 +33,12 @@ struct Args {
     #[arg(long, value_name = "PATH")]
     frames: PathBuf,
     /// Where the records go: tcp://HOST:PORT (listen there), tcp-connect://HOST:PORT, udp://HOST:PORT,
-    /// serial:DEVICE@BAUD (115200 if left out) or file:PATH (appended to).
+    /// serial:DEVICE@BAUD (115200 if left out) or file:PATH (a new file).
     #[arg(long, value_name = "ADDRESS", value_parser = Address::parse, required_unless_present = "measure")]
     to: Option<Address>,
+    /// Go on in a file that exists, behind what it holds.
+    #[arg(long)]
+    append: bool,
     /// Play at the recorded rate instead of as fast as it goes.
     #[arg(long)]
     real_time: bool,
@@ -70,7 +73,7 @@ struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Measure the loop alone: frames from memory, records to nowhere.
-    #[arg(long, conflicts_with_all = ["to", "real_time", "times", "fault", "wait"])]
+    #[arg(long, conflicts_with_all = ["to", "append", "real_time", "times", "fault", "wait"])]
     measure: bool,
 }
 
@@ -138,13 +141,14 @@ fn play(args: &Args) -> anyhow::Result<()> {
         ..Play::new(identity)
     };
     let Some(address) = &args.to else { return Ok(()) };
-    send(&settings, frames, address, &play)
+    let line = if args.append { address.open() } else { address.open_new() }?;
+    send(&settings, frames, line, &play)
 }
 
 fn send(
     settings: &Settings,
     frames: Box<dyn source::FrameSource>,
-    address: &Address,
+    line: Line,
     play: &Play,
 ) -> anyhow::Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
@@ -153,7 +157,6 @@ fn send(
         flag::register_conditional_default(signal, Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
-    let line = address.open()?;
     let line = if play.pace == Pace::AsFast { line.lossless() } else { line };
     let place = line.to_string();
     if matches!(line, Line::Server(_)) {

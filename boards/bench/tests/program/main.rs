@@ -87,7 +87,7 @@ fn a_session_begins_with_its_hello() {
     let ride = Ride::new(2);
     // One behind the other on a line without connections.
     play(&ride, "ride.gw", &["--session-id", "1"]);
-    let capture = play(&ride, "ride.gw", &["--session-id", "2"]);
+    let capture = play(&ride, "ride.gw", &["--session-id", "2", "--append"]);
     assert_eq!(capture.firsts, [kind::HELLO, kind::HELLO]);
 }
 
