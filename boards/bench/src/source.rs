@@ -89,6 +89,9 @@ pub fn open(path: &Path) -> Result<Box<dyn FrameSource>, SourceError> {
     if kind.is_dir() {
         return Ok(Box::new(Folder::open(path)?));
     }
+    if kind.is_file() && kind.len() == 0 {
+        return Err(SourceError::Empty { name });
+    }
     // A pipe cannot be looked into first: what comes through one is Y4M.
     if !kind.is_file() || y4m::is_y4m(path) {
         return Ok(Box::new(Y4m::open(path)?));

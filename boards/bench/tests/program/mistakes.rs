@@ -86,6 +86,13 @@ fn missing_and_empty_recordings_are_named() {
     std::fs::write(ride.path("head.y4m"), "YUV4MPEG2 W160 H120 Cmono\n").unwrap();
     let said = fails(&ride, &[&to[..], &["head.y4m"]].concat());
     assert!(said.contains("head.y4m holds no frame"), "{said}");
+    std::fs::write(ride.path("nothing.y4m"), "").unwrap();
+    let said = fails(&ride, &[&to[..], &["nothing.y4m"]].concat());
+    assert!(said.contains("nothing.y4m holds no frame"), "{said}");
+    std::fs::write(ride.path("short.y4m"), &ride.bytes()[..1_000]).unwrap();
+    let said = fails(&ride, &[&to[..], &["short.y4m"]].concat());
+    assert!(said.contains("short.y4m is cut off: it ends within its first frame"), "{said}");
+    assert!(!ride.path("a.gw").exists(), "what cannot be played leaves no capture");
 }
 
 #[test]
