@@ -1,6 +1,5 @@
 //! `gangway-bench`: a recording through the box's frame loop, to wherever a box can send.
 
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,10 +9,12 @@ use std::time::Duration;
 use clap::Parser;
 use gangway_bench::{Failure, Faults, Pace, Play, Times, measure, run, source};
 use gangway_engine::{Identity, Settings};
-use gangway_link::{Address, Line};
+use gangway_link::{Address, Line, Program};
 use gangway_setup::Setup;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+
+const PROGRAM: Program = Program::new("gangway-bench");
 
 /// Plays a recording through the frame loop of the box and sends what it measures.
 ///
@@ -84,36 +85,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 fn main() -> ExitCode {
-    let args = match Args::try_parse() {
-        Ok(args) => args,
-        Err(error) if !error.use_stderr() => error.exit(),
-        Err(error) => {
-            let text = error.to_string();
-            say(text.strip_prefix("error: ").unwrap_or(&text));
-            return ExitCode::from(2);
-        }
-    };
-    match play(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            say(&format!("{error:#}"));
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Lines for the user, each with the program's name.
-fn say(text: &str) {
-    let mut stderr = io::stderr().lock();
-    for line in text.lines().filter(|line| !line.trim().is_empty()) {
-        // Nobody is left to be told when standard error itself is gone.
-        let _ = writeln!(stderr, "gangway-bench: {line}");
-    }
-}
-
-/// The closing line. Whoever read our output may have gone.
-fn print(text: &str) {
-    let _ = writeln!(io::stdout().lock(), "{text}");
+    PROGRAM.run(|args| play(&args).map(|()| true))
 }
 
 fn play(args: &Args) -> anyhow::Result<()> {
@@ -123,7 +95,7 @@ fn play(args: &Args) -> anyhow::Result<()> {
     let frames = source::open(&args.frames)?;
     if args.measure {
         let measured = measure(&settings, frames, identity, args.limit, args.repeat)?;
-        print(&measured.to_string());
+        PROGRAM.print(&measured.to_string());
         return Ok(());
     }
     let play = Play {
@@ -160,14 +132,14 @@ fn send(
     let line = if play.pace == Pace::AsFast { line.lossless() } else { line };
     let place = line.to_string();
     if matches!(line, Line::Server(_)) {
-        say(&format!("listening on {place}"));
+        PROGRAM.say(&format!("listening on {place}"));
     }
-    match run(settings, frames, line, play, &stop, &say) {
+    match run(settings, frames, line, play, &stop, &|text| PROGRAM.say(text)) {
         Ok(summary) => {
             let ended = if summary.interrupted { "interrupted: " } else { "" };
-            print(&format!("{ended}{summary}; to {place}"));
+            PROGRAM.print(&format!("{ended}{summary}; to {place}"));
             if summary.frames > 0 && summary.poses == 0 {
-                say(
+                PROGRAM.say(
                     "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight; \
                      the events (gangway decode) say what was lost",
                 );
@@ -176,7 +148,7 @@ fn send(
         }
         Err(Failure { error, summary }) => {
             if summary.frames > 0 {
-                print(&format!("{summary}; to {place}"));
+                PROGRAM.print(&format!("{summary}; to {place}"));
             }
             Err(error.into())
         }
