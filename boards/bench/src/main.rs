@@ -19,8 +19,8 @@ const PROGRAM: Program = Program::new("gangway-bench");
 /// Plays a recording through the frame loop of the box and sends what it measures.
 ///
 /// As fast as it goes, nothing is lost: a frame waits until the receiver has taken what came before. With
-/// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that the
-/// loop comes late for are measured late, never left out.
+/// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that
+/// the loop comes late for are measured late, never left out.
 ///
 /// A frame's time is its number over the rate that the recording names, or else the setup's.
 #[derive(Parser)]
@@ -29,8 +29,8 @@ struct Args {
     /// The setup of the camera and its targets.
     #[arg(long, value_name = "FILE")]
     setup: PathBuf,
-    /// The recording: a Y4M file, a directory of PNG or PGM files (in the order of the numbers in their names),
-    /// any other video through an installed ffmpeg, or - for Y4M on standard input.
+    /// The recording: a Y4M file, a directory of PNG or PGM files (in the order of the numbers in their
+    /// names), any other video through an installed ffmpeg, or - for Y4M on standard input.
     #[arg(long, value_name = "PATH")]
     frames: PathBuf,
     /// Where the records go: tcp://HOST:PORT (listen there), tcp-connect://HOST:PORT, udp://HOST:PORT,
@@ -65,9 +65,9 @@ struct Args {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
     /// Faults, as NAME:RATE,... with rates from 0 to 1. Of the camera, a share of the frames: drop (never
-    /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall). Of the
-    /// link, a share of the records: link-stall (the line takes nothing for a while), link-drop (the connection is
-    /// lost within the record), link-garble (a byte is changed).
+    /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall).
+    /// Of the link, a share of the records: link-stall (the line takes nothing for a while), link-drop (the
+    /// connection is lost within the record), link-garble (a byte is changed).
     #[arg(long, value_name = "LIST", default_value = "", hide_default_value = true)]
     fault: Faults,
     /// Which frames and records the faults hit: the same seed, the same faults.

@@ -90,8 +90,8 @@ impl Address {
         }
     }
 
-    /// Opens the line; a file is appended to. A [`Line::Client`] opens even where nobody listens yet: it goes on
-    /// trying.
+    /// Opens the line; a file is appended to. A [`Line::Client`] opens even where nobody listens yet: it goes
+    /// on trying.
     ///
     /// # Errors
     /// What [`TcpServer::bind`], [`Udp::open`], [`Serial::open`] and [`FileLink::append`] say.

@@ -5,9 +5,9 @@
 //! inbox  <- Courier <-
 //! ```
 //!
-//! An [`Address`] opens a [`Line`]; a [`Courier`] in a thread of its own carries packets and commands. Nothing
-//! here waits for the line, and the frame loop waits for nothing here: while a line is busy or nobody listens,
-//! packets stay in the outbox, and the engine counts what no longer fits.
+//! An [`Address`] opens a [`Line`]; a [`Courier`] in a thread of its own carries packets and commands.
+//! Nothing here waits for the line, and the frame loop waits for nothing here: while a line is busy or nobody
+//! listens, packets stay in the outbox, and the engine counts what no longer fits.
 
 mod address;
 mod client;

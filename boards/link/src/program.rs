@@ -18,8 +18,8 @@ impl Program {
         Self { name }
     }
 
-    /// Runs with the arguments. Exit codes: 0 done (or help was asked for), 1 `run` failed or found something amiss
-    /// (`false`), 2 used wrongly.
+    /// Runs with the arguments. Exit codes: 0 done (or help was asked for), 1 `run` failed or found something
+    /// amiss (`false`), 2 used wrongly.
     pub fn run<A: Parser, E: fmt::Display>(&self, run: impl FnOnce(A) -> Result<bool, E>) -> ExitCode {
         match self.arguments().map(run) {
             Ok(Ok(true)) => ExitCode::SUCCESS,

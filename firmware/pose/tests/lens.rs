@@ -17,8 +17,9 @@ fn lens() -> impl Strategy<Value = Lens> {
     )
 }
 
-/// Whether the distortion is invertible all the way from the axis to a point, by its formula and not by the lens' own
-/// judgement: the derivative stays positive definite, with room for the two to differ at the very edge.
+/// Whether the distortion is invertible all the way from the axis to a point, by its formula and not by the
+/// lens' own judgement: the derivative stays positive definite, with room for the two to differ at the very
+/// edge.
 fn invertible_with_room(lens: &Lens, x: f64, y: f64) -> bool {
     let [k1, k2, p1, p2, k3] = lens.distortion;
     (0..=400).map(|step| f64::from(step) / 400.0).all(|share| {
@@ -43,8 +44,8 @@ proptest! {
                 let [rx, ry] = lens.pixel_to_ray(pixel).expect("what is seen has a ray");
                 let [u, v] = lens.project(&Vector3::new(rx, ry, 1.0)).expect("a ray has a pixel");
                 prop_assert!((u - pixel[0]).abs() < 1e-9 && (v - pixel[1]).abs() < 1e-9);
-                // And it is the ray that it came from, not another one with the same pixel: near the edge of the
-                // invertible part a rounding of the pixel is many roundings of the ray.
+                // And it is the ray that it came from, not another one with the same pixel: near the edge of
+                // the invertible part a rounding of the pixel is many roundings of the ray.
                 prop_assert!((rx - x).abs() < 1e-6 && (ry - y).abs() < 1e-6, "{} {} from {} {}", rx, ry, x, y);
             }
             Err(error) => {

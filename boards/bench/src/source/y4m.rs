@@ -44,8 +44,8 @@ pub(super) fn is_y4m(path: &Path) -> bool {
 
 /// A Y4M file or stream.
 ///
-/// Mono, 4:1:1, 4:2:0, 4:2:2 and 4:4:4 (with or without alpha), 8 bit, and 9 to 16 bit in little-endian words.
-/// Parameters of single frames are passed over.
+/// Mono, 4:1:1, 4:2:0, 4:2:2 and 4:4:4 (with or without alpha), 8 bit, and 9 to 16 bit in little-endian
+/// words. Parameters of single frames are passed over.
 pub struct Y4m {
     name: String,
     input: BufReader<Input>,

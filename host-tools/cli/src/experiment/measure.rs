@@ -1,5 +1,5 @@
-//! One rendering, several boxes: the frames go once through the frame loop of each job, in the process, and each
-//! job's records into a capture of its own, from which the samples are read back.
+//! One rendering, several boxes: the frames go once through the frame loop of each job, in the process, and
+//! each job's records into a capture of its own, from which the samples are read back.
 
 use std::io;
 use std::path::{Path, PathBuf};
