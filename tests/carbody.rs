@@ -1,12 +1,12 @@
-//! The camera's own carbody: with reference targets on it the motion is that of the one carbody against the other, however
-//! the camera is knocked or shaken; without them a moved camera is told where it can be.
+//! The camera's own carbody: with reference targets on it the motion is that of the one carbody against the
+//! other, however the camera is knocked or shaken; without them a moved camera is told where it can be.
 
 use e2e::{Keeping, Ride};
 use gangway_scene::Scene;
 use gangway_wire::{Motion, MoveEvidence, PoseFlags, Record, What};
 
-/// Most stated standard deviations that any of some 80 frames times 6 degrees of freedom may be off. Normal errors stay
-/// below 4.5; the rest pose's own part is common to all frames.
+/// Most stated standard deviations that any of some 80 frames times 6 degrees of freedom may be off. Normal
+/// errors stay below 4.5; the rest pose's own part is common to all frames.
 const BOUND_SIGMAS: f64 = 6.0;
 /// Frame of the knocks of these scenes, at 0.85 s.
 const KNOCKED: usize = 43;
@@ -82,7 +82,8 @@ fn a_knocked_camera_with_reference_targets_measures_on_and_tells_the_knock() {
         panic!("one event: {:?}", played.events)
     };
     assert_eq!((frame as usize, evidence), (KNOCKED + 2, MoveEvidence::References));
-    // 1.2 and 1.6 mm; 0.1, 0.2 and 0.2 degrees. As well as the reference targets tell: 0.04 mm, 0.003 degrees.
+    // 1.2 and 1.6 mm; 0.1, 0.2 and 0.2 degrees. As well as the reference targets tell: 0.04 mm, 0.003
+    // degrees.
     assert!(
         (shift_mm - 2.0).abs() < 0.2 && (turn_deg - 0.3).abs() < 0.015,
         "{shift_mm} mm, {turn_deg} degrees"
@@ -103,7 +104,8 @@ fn a_shaking_camera_with_reference_targets_finds_its_rest_measures_on_and_tells_
 #[test]
 fn hidden_reference_targets_are_marked_and_the_motion_goes_on_against_where_they_were() {
     let mut keeping = Keeping::named("references");
-    // Somebody's back before the reference targets, from 0.9 to 1.4 s: they are all in the upper half, or below.
+    // Somebody's back before the reference targets, from 0.9 to 1.4 s: they are all in the upper half, or
+    // below.
     keeping.extend(
         "
         [[occluder]]

@@ -1,4 +1,5 @@
-//! What the frame loop does with what comes: jerks, posts, missing and repeated frames, commands, a full outbox.
+//! What the frame loop does with what comes: jerks, posts, missing and repeated frames, commands, a full
+//! outbox.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +8,12 @@ use gangway_device::{Camera, CameraErrorKind, Frame};
 use gangway_engine::{Command, OUTBOX_SLOTS, Step};
 use gangway_wire::{LostReason, Pose, PoseFlags, Record, What};
 
-/// Most stated standard deviations that any of some 70 frames times 6 degrees of freedom may be off. Normal errors
-/// stay below 4; the rest pose's own part is common to all frames, and the smear of fast motion is not in them.
+/// Most stated standard deviations that any of some 70 frames times 6 degrees of freedom may be off. Normal
+/// errors stay below 4; the rest pose's own part is common to all frames, and the smear of fast motion is not
+/// in them.
 const BOUND_SIGMAS: f64 = 6.0;
-/// Where the speed changes, the mean place over the exposure is not that at mid-exposure: of a change in its middle the
-/// eighth of what the carbody then moves over an exposure, a fifth of a frame.
+/// Where the speed changes, the mean place over the exposure is not that at mid-exposure: of a change in its
+/// middle the eighth of what the carbody then moves over an exposure, a fifth of a frame.
 const SMEAR: f64 = 0.2 / 8.0;
 
 /// Plays pictures in order under the numbers that are given, and collects poses and events by frame.

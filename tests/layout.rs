@@ -1,5 +1,5 @@
-//! A layout that was measured with a tape: the rest interval shows where the circles truly are, so that all of them count,
-//! and the motion does not depend on which of them show.
+//! A layout that was measured with a tape: the rest interval shows where the circles truly are, so that all
+//! of them count, and the motion does not depend on which of them show.
 
 use e2e::Ride;
 use gangway_scene::Scene;
@@ -63,8 +63,8 @@ fn targets_that_are_a_millimetre_off_all_count_and_the_motion_hardly_feels_it() 
         let ride = mounted(seed);
         let (motions, left_out) = play(&ride);
         assert_eq!((motions.len(), left_out), (MEASURED, 0), "seed {seed}");
-        // What stays is how far off they are along the line of sight, times how far that turns: a millimetre times a fifth.
-        // Without the survey it is up to 2.9 mm and 0.6 degrees, of eight seeds.
+        // What stays is how far off they are along the line of sight, times how far that turns: a millimetre
+        // times a fifth. Without the survey it is up to 2.9 mm and 0.6 degrees, of eight seeds.
         let [mm, degrees, sigmas] = worst(&ride, &motions);
         assert!(mm < 0.6 && degrees < 0.03, "seed {seed}: {mm} mm, {degrees} degrees");
         // Of some 500 numbers; they share the layout, so that all may be off together.

@@ -1,6 +1,6 @@
-//! Light that falls, blinds, flickers, is mirrored or goes out: on each scene every frame with light has its pose, no ring
-//! is wrong, and the error is what it is stated to be. The short form runs with every test; the whole table over twenty
-//! seeds is
+//! Light that falls, blinds, flickers, is mirrored or goes out: on each scene every frame with light has its
+//! pose, no ring is wrong, and the error is what it is stated to be. The short form runs with every test; the
+//! whole table over twenty seeds is
 //!
 //!     cargo test --release -p e2e --test light -- --ignored --nocapture
 
@@ -83,13 +83,15 @@ struct Outcome {
     wrong: usize,
     /// Fewest circles in a pose.
     fewest: u8,
-    /// Sum of squared errors over their variances, and their number; the largest error in standard deviations.
+    /// Sum of squared errors over their variances, and their number; the largest error in standard
+    /// deviations.
     normalised: (f64, usize),
     largest: f64,
 }
 
 fn play(name: &str, added: &str, without: [f64; 2], seed: u64) -> Outcome {
-    // The ramp begins with a jolt, whose mean over an exposure is not its middle: another error than that of light.
+    // The ramp begins with a jolt, whose mean over an exposure is not its middle: another error than that of
+    // light.
     let mut text = format!("{BASE}{added}{SWAY}").replace("size = 170.0", "size = 0.0");
     if name.contains("rolling") {
         text = text.replace("exposure_ms = 2.0", "exposure_ms = 2.0\nline_time_us = 20.0");
@@ -176,8 +178,9 @@ fn check(all: &[(&'static str, Vec<Outcome>)]) {
             assert_eq!(outcome.wrong, 0, "{name}: {outcome:?}");
             assert_eq!(outcome.poses, outcome.enough, "{name}: {outcome:?}");
             let (square, count) = outcome.normalised;
-            // The rest pose's own error is common to a whole ride: one ride's mean square lies below this by far most
-            // often, and the largest of some five hundred errors, four standard deviations by themselves, below seven.
+            // The rest pose's own error is common to a whole ride: one ride's mean square lies below this by
+            // far most often, and the largest of some five hundred errors, four standard deviations by
+            // themselves, below seven.
             assert!(square / (count as f64) < 2.5 && outcome.largest < 7.0, "{name}: {outcome:?}");
         }
     }
@@ -261,7 +264,8 @@ fn exposure_follows_the_light_and_rests_and_every_change_is_recorded() {
     let last = changes.last().expect("it came back");
     assert!((60..100).contains(&last.0) && last.2 == 1_000, "and rests: {changes:?}");
     assert!(changes.len() <= 14, "{changes:?}");
-    // Where light comes back ten times as bright within 0.1 s, white and black are clipped until the camera has followed.
+    // Where light comes back ten times as bright within 0.1 s, white and black are clipped until the camera
+    // has followed.
     assert!(unposed.iter().all(|frame| *frame < 3 || (60..80).contains(frame)), "{unposed:?}");
 }
 

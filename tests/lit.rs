@@ -1,5 +1,5 @@
-//! Lit targets: measured by their own light, whatever drives it, and driven by the loop between the exposures of a camera
-//! that runs freely.
+//! Lit targets: measured by their own light, whatever drives it, and driven by the loop between the exposures
+//! of a camera that runs freely.
 
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
@@ -57,7 +57,8 @@ fn normalised(scene: &Scene, poses: &[Pose]) -> f64 {
     sum / count
 }
 
-/// The rest pose's own error is common to a whole ride: one ride's mean square lies within this of 1 by far most often.
+/// The rest pose's own error is common to a whole ride: one ride's mean square lies within this of 1 by far
+/// most often.
 const TRUE: std::ops::Range<f64> = 0.3..2.5;
 
 #[test]
@@ -113,7 +114,8 @@ fn a_frame_switched_within_its_exposure_is_marked_and_gives_no_pose() {
         match pose.frame {
             20 => assert_eq!(marks, [false, true], "{pose:?}"),
             21..30 => assert_eq!(marks, [true, false], "{pose:?}"),
-            // Where the targets were lost meanwhile, no window says more than that nothing shines as it should.
+            // Where the targets were lost meanwhile, no window says more than that nothing shines as it
+            // should.
             30 => assert!(marks[0] || marks[1], "{pose:?}"),
             // Until they are found again nobody has seen that they shine.
             31..34 if pose.markers == 0 => assert!(!marks[1], "{pose:?}"),
@@ -218,7 +220,8 @@ impl Camera for Watching<'_> {
     }
 }
 
-/// Poses of the loop with a camera that sees its lamp, and the share of each frame's exposure in which the lamp shone.
+/// Poses of the loop with a camera that sees its lamp, and the share of each frame's exposure in which the
+/// lamp shone.
 fn closed_loop(mode: LampMode) -> (Vec<Pose>, Vec<f64>) {
     let ride = |drive: &str| {
         let mut ride = Ride::of(&scene(&format!("{TUNNEL}[lamp]\ndrive = \"{drive}\"\n")));

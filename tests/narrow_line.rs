@@ -1,5 +1,5 @@
-//! A serial line that cannot carry everything: a terminal whose other end is read at 115,200 baud, in the time of the
-//! frames and not of a clock.
+//! A serial line that cannot carry everything: a terminal whose other end is read at 115,200 baud, in the
+//! time of the frames and not of a clock.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -79,8 +79,8 @@ struct Heard {
     bytes: usize,
 }
 
-/// Plays `frames` frames at `rate_hz` over a line that is read at `bytes_a_second`; what came until nothing was left, and
-/// how many records the courier thinned and the loop lost.
+/// Plays `frames` frames at `rate_hz` over a line that is read at `bytes_a_second`; what came until nothing
+/// was left, and how many records the courier thinned and the loop lost.
 fn play(ride: &Ride, frames: u32, rate_hz: usize, bytes_a_second: usize) -> (Heard, u64, u64) {
     let (mut host, slave) = TTYPort::pair().expect("a terminal");
     host.set_timeout(Duration::from_secs(10)).expect("a timeout");

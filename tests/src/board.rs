@@ -53,8 +53,8 @@ impl Ride {
     }
 }
 
-/// A frame loop. It is some hundred KiB large, and so is each copy of it while it is made: more than a test's own thread
-/// has room for.
+/// A frame loop. It is some hundred KiB large, and so is each copy of it while it is made: more than a test's
+/// own thread has room for.
 fn engine(settings: &Settings) -> Box<Engine> {
     let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
     let made = std::thread::scope(|scope| {

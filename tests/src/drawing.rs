@@ -13,8 +13,9 @@ const ORANGE: [u8; 3] = [255, 150, 30];
 const RED: [u8; 3] = [255, 40, 40];
 const BLUE: [u8; 3] = [70, 150, 255];
 
-/// Plays a seed of a scene up to a frame and writes what its windows showed: green a ring and its centre, orange a window
-/// in which a ring was refused, red one without a ring, blue crosses where the rings truly are.
+/// Plays a seed of a scene up to a frame and writes what its windows showed: green a ring and its centre,
+/// orange a window in which a ring was refused, red one without a ring, blue crosses where the rings truly
+/// are.
 ///
 /// # Errors
 /// The file cannot be written.

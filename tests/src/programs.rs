@@ -18,8 +18,8 @@ pub fn bench() -> Command {
 pub fn emulated_bench() -> Command {
     let root = "/usr/aarch64-linux-gnu";
     let mut command = Command::new("qemu-aarch64");
-    // The loader of the cross packages and the C library of Debian's arm64 packages may be of different builds: then the
-    // first thread that is started searches a list of stacks that has no end.
+    // The loader of the cross packages and the C library of Debian's arm64 packages may be of different
+    // builds: then the first thread that is started searches a list of stacks that has no end.
     command.args(["-L", root, "-E", &format!("LD_LIBRARY_PATH={root}/lib")]);
     command.arg(crate::guest::cache().join("programs/gangway-bench"));
     command
@@ -34,8 +34,8 @@ pub fn sentence(output: &Output, code: i32) -> String {
     said
 }
 
-/// Where cargo puts programs beside this test. `cargo test --workspace` has built them just now; where they are
-/// missing they are built here. A run of these tests alone takes them as they are.
+/// Where cargo puts programs beside this test. `cargo test --workspace` has built them just now; where they
+/// are missing they are built here. A run of these tests alone takes them as they are.
 fn program(name: &str) -> PathBuf {
     static BUILD: Once = Once::new();
     let test = std::env::current_exe().expect("a test knows where it is");

@@ -1,4 +1,5 @@
-//! The scenes of the table of keeping: each a file of additions to one base, so that a further scene is a further file.
+//! The scenes of the table of keeping: each a file of additions to one base, so that a further scene is a
+//! further file.
 
 use std::path::{Path, PathBuf};
 
@@ -72,7 +73,8 @@ fn parsed(path: &Path) -> Table {
     text.parse().unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Adds the file `name`, after the files that it names in `with`, in the place of the tables that it names in `replace`.
+/// Adds the file `name`, after the files that it names in `with`, in the place of the tables that it names in
+/// `replace`.
 fn add(to: &mut Table, name: &str) {
     let mut addition = parsed(&scenes().join("keeping").join(format!("{name}.toml")));
     if let Some(Value::Array(names)) = addition.remove("with") {

@@ -10,8 +10,8 @@ use crate::recording::Pace;
 
 /// The recording's own time, running on from the frame that was delivered last.
 ///
-/// Frames carry that time, so pings, marks and the camera's events have it too. As fast as it goes, it is set anew
-/// with every frame; at the recorded rate with the first one only, and runs on at this machine's pace.
+/// Frames carry that time, so pings, marks and the camera's events have it too. As fast as it goes, it is set
+/// anew with every frame; at the recorded rate with the first one only, and runs on at this machine's pace.
 ///
 /// It gives no offset to UTC: the time of a recording has none.
 #[derive(Debug)]

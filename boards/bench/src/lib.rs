@@ -8,11 +8,11 @@
 //!
 //! [`run`] plays a source through the loop into a link; `gangway-bench` is its command line.
 //!
-//! A recording's frames carry its own time: number over rate, or what a file of times says. As fast as it goes,
-//! the next frame is not taken before the outbox has room for all that it can cause, so nothing is ever lost.
-//! At the recorded rate nothing waits: what the line does not take is lost and counted, as on a box. A frame
-//! that the loop comes late for is delivered late and counted, never left out, so that the same recording gives
-//! the same records at any speed.
+//! A recording's frames carry its own time: number over rate, or what a file of times says. As fast as it
+//! goes, the next frame is not taken before the outbox has room for all that it can cause, so nothing is ever
+//! lost. At the recorded rate nothing waits: what the line does not take is lost and counted, as on a box. A
+//! frame that the loop comes late for is delivered late and counted, never left out, so that the same
+//! recording gives the same records at any speed.
 
 mod clock;
 mod faults;

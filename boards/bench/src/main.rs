@@ -1,6 +1,5 @@
 //! `gangway-bench`: a recording through the box's frame loop, to wherever a box can send.
 
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,16 +9,18 @@ use std::time::Duration;
 use clap::Parser;
 use gangway_bench::{Failure, Faults, Pace, Play, Times, measure, run, source};
 use gangway_engine::{Identity, Settings};
-use gangway_link::{Address, Line};
+use gangway_link::{Address, Line, Program};
 use gangway_setup::Setup;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+const PROGRAM: Program = Program::new("gangway-bench");
+
 /// Plays a recording through the frame loop of the box and sends what it measures.
 ///
 /// As fast as it goes, nothing is lost: a frame waits until the receiver has taken what came before. With
-/// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that the
-/// loop comes late for are measured late, never left out.
+/// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that
+/// the loop comes late for are measured late, never left out.
 ///
 /// A frame's time is its number over the rate that the recording names, or else the setup's.
 #[derive(Parser)]
@@ -28,14 +29,17 @@ struct Args {
     /// The setup of the camera and its targets.
     #[arg(long, value_name = "FILE")]
     setup: PathBuf,
-    /// The recording: a Y4M file, a directory of PNG or PGM files (in the order of the numbers in their names),
-    /// any other video through an installed ffmpeg, or - for Y4M on standard input.
+    /// The recording: a Y4M file, a directory of PNG or PGM files (in the order of the numbers in their
+    /// names), any other video through an installed ffmpeg, or - for Y4M on standard input.
     #[arg(long, value_name = "PATH")]
     frames: PathBuf,
     /// Where the records go: tcp://HOST:PORT (listen there), tcp-connect://HOST:PORT, udp://HOST:PORT,
-    /// serial:DEVICE@BAUD (115200 if left out) or file:PATH (appended to).
+    /// serial:DEVICE@BAUD (115200 if left out) or file:PATH (a new file).
     #[arg(long, value_name = "ADDRESS", value_parser = Address::parse, required_unless_present = "measure")]
     to: Option<Address>,
+    /// Go on in a file that exists, behind what it holds.
+    #[arg(long)]
+    append: bool,
     /// Play at the recorded rate instead of as fast as it goes.
     #[arg(long)]
     real_time: bool,
@@ -61,16 +65,16 @@ struct Args {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
     /// Faults, as NAME:RATE,... with rates from 0 to 1. Of the camera, a share of the frames: drop (never
-    /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall). Of the
-    /// link, a share of the records: link-stall (the line takes nothing for a while), link-drop (the connection is
-    /// lost within the record), link-garble (a byte is changed).
+    /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall).
+    /// Of the link, a share of the records: link-stall (the line takes nothing for a while), link-drop (the
+    /// connection is lost within the record), link-garble (a byte is changed).
     #[arg(long, value_name = "LIST", default_value = "", hide_default_value = true)]
     fault: Faults,
     /// Which frames and records the faults hit: the same seed, the same faults.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Measure the loop alone: frames from memory, records to nowhere.
-    #[arg(long, conflicts_with_all = ["to", "real_time", "times", "fault", "wait"])]
+    #[arg(long, conflicts_with_all = ["to", "append", "real_time", "times", "fault", "wait"])]
     measure: bool,
 }
 
@@ -81,36 +85,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 fn main() -> ExitCode {
-    let args = match Args::try_parse() {
-        Ok(args) => args,
-        Err(error) if !error.use_stderr() => error.exit(),
-        Err(error) => {
-            let text = error.to_string();
-            say(text.strip_prefix("error: ").unwrap_or(&text));
-            return ExitCode::from(2);
-        }
-    };
-    match play(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            say(&format!("{error:#}"));
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Lines for the user, each with the program's name.
-fn say(text: &str) {
-    let mut stderr = io::stderr().lock();
-    for line in text.lines().filter(|line| !line.trim().is_empty()) {
-        // Nobody is left to be told when standard error itself is gone.
-        let _ = writeln!(stderr, "gangway-bench: {line}");
-    }
-}
-
-/// The closing line. Whoever read our output may have gone.
-fn print(text: &str) {
-    let _ = writeln!(io::stdout().lock(), "{text}");
+    PROGRAM.run(|args| play(&args).map(|()| true))
 }
 
 fn play(args: &Args) -> anyhow::Result<()> {
@@ -120,7 +95,7 @@ fn play(args: &Args) -> anyhow::Result<()> {
     let frames = source::open(&args.frames)?;
     if args.measure {
         let measured = measure(&settings, frames, identity, args.limit, args.repeat)?;
-        print(&measured.to_string());
+        PROGRAM.print(&measured.to_string());
         return Ok(());
     }
     let play = Play {
@@ -138,13 +113,14 @@ fn play(args: &Args) -> anyhow::Result<()> {
         ..Play::new(identity)
     };
     let Some(address) = &args.to else { return Ok(()) };
-    send(&settings, frames, address, &play)
+    let line = if args.append { address.open() } else { address.open_new() }?;
+    send(&settings, frames, line, &play)
 }
 
 fn send(
     settings: &Settings,
     frames: Box<dyn source::FrameSource>,
-    address: &Address,
+    line: Line,
     play: &Play,
 ) -> anyhow::Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
@@ -153,27 +129,27 @@ fn send(
         flag::register_conditional_default(signal, Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
-    let line = address.open()?;
     let line = if play.pace == Pace::AsFast { line.lossless() } else { line };
     let place = line.to_string();
     if matches!(line, Line::Server(_)) {
-        say(&format!("listening on {place}"));
+        PROGRAM.say(&format!("listening on {place}"));
     }
-    match run(settings, frames, line, play, &stop, &say) {
+    match run(settings, frames, line, play, &stop, &|text| PROGRAM.say(text)) {
         Ok(summary) => {
             let ended = if summary.interrupted { "interrupted: " } else { "" };
-            print(&format!("{ended}{summary}; to {place}"));
+            PROGRAM.print(&format!("{ended}{summary}; to {place}"));
             if summary.frames > 0 && summary.poses == 0 {
-                say(
-                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight; \
-                     the events (gangway decode) say what was lost",
+                PROGRAM.say(
+                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight, \
+                     and at the setup's seeds_px where it has some; the events (gangway decode) say what was \
+                     lost",
                 );
             }
             Ok(())
         }
         Err(Failure { error, summary }) => {
             if summary.frames > 0 {
-                print(&format!("{summary}; to {place}"));
+                PROGRAM.print(&format!("{summary}; to {place}"));
             }
             Err(error.into())
         }

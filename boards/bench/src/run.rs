@@ -178,8 +178,8 @@ impl From<BenchError> for Failure {
     }
 }
 
-/// Stack on which the engine is made, bytes: without optimisation its half megabyte is moved several times on the way into
-/// its box, which is more than a thread usually has.
+/// Stack on which the engine is made, bytes: without optimisation its half megabyte is moved several times on
+/// the way into its box, which is more than a thread usually has.
 const MAKING_STACK: usize = 16 << 20;
 
 /// The loop's state, ready for the first frame.

@@ -54,7 +54,8 @@ pub trait FrameSource: Send {
     /// Pictures a second, where the source says so.
     fn rate_hz(&self) -> Option<f64>;
 
-    /// Reads the next picture into `into`, whose content is replaced: [`Shape::bytes`] bytes. `false` at the end.
+    /// Reads the next picture into `into`, whose content is replaced: [`Shape::bytes`] bytes. `false` at the
+    /// end.
     ///
     /// # Errors
     /// The source is damaged or gone; the pictures before are good.
@@ -72,8 +73,8 @@ pub trait FrameSource: Send {
     }
 }
 
-/// Opens what was named: `-` for standard input (Y4M), a directory of PNG or PGM files, a Y4M file, or any other
-/// video through `ffmpeg`.
+/// Opens what was named: `-` for standard input (Y4M), a directory of PNG or PGM files, a Y4M file, or any
+/// other video through `ffmpeg`.
 ///
 /// # Errors
 /// A sentence for everything that can be wrong before the first picture.
@@ -88,6 +89,9 @@ pub fn open(path: &Path) -> Result<Box<dyn FrameSource>, SourceError> {
     })?;
     if kind.is_dir() {
         return Ok(Box::new(Folder::open(path)?));
+    }
+    if kind.is_file() && kind.len() == 0 {
+        return Err(SourceError::Empty { name });
     }
     // A pipe cannot be looked into first: what comes through one is Y4M.
     if !kind.is_file() || y4m::is_y4m(path) {

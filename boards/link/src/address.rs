@@ -40,7 +40,7 @@ pub enum Address {
         /// Rate, baud.
         baud: u32,
     },
-    /// `file:PATH`, appended to.
+    /// `file:PATH`.
     File(PathBuf),
 }
 
@@ -79,17 +79,29 @@ impl Address {
         ))
     }
 
-    /// Opens the line. A [`Line::Client`] opens even where nobody listens yet: it goes on trying.
+    /// Opens the line as [`Address::open`] does, but a file as a new one.
     ///
     /// # Errors
-    /// What [`TcpServer::bind`], [`Udp::open`], [`Serial::open`] and [`FileLink::open`] say.
+    /// As [`Address::open`], and as [`FileLink::create`].
+    pub fn open_new(&self) -> Result<Line, Error> {
+        match self {
+            Self::File(path) => Ok(Line::File(FileLink::create(path)?)),
+            _ => self.open(),
+        }
+    }
+
+    /// Opens the line; a file is appended to. A [`Line::Client`] opens even where nobody listens yet: it goes
+    /// on trying.
+    ///
+    /// # Errors
+    /// What [`TcpServer::bind`], [`Udp::open`], [`Serial::open`] and [`FileLink::append`] say.
     pub fn open(&self) -> Result<Line, Error> {
         Ok(match self {
             Self::Listen { host, port } => Line::Server(TcpServer::bind(host, *port)?),
             Self::Connect { host, port } => Line::Client(TcpClient::new(host, *port)),
             Self::Udp { host, port } => Line::Udp(Udp::open(host, *port)?),
             Self::Serial { device, baud } => Line::Serial(Serial::open(device, *baud)?),
-            Self::File(path) => Line::File(FileLink::open(path)?),
+            Self::File(path) => Line::File(FileLink::append(path)?),
         })
     }
 }

@@ -13,8 +13,8 @@ pub struct Commands {
 impl Commands {
     /// Takes bytes up to the next command; to be called until the bytes given back are empty.
     ///
-    /// What the loop cannot follow - a kind that this version does not know, a record that only a box sends, a
-    /// text that is too long or no text - is a [`Command::Refused`]. Damage is only counted.
+    /// What the loop cannot follow - a kind that this version does not know, a record that only a box sends,
+    /// a text that is too long or no text - is a [`Command::Refused`]. Damage is only counted.
     pub fn feed<'b>(&mut self, bytes: &'b [u8]) -> (Option<Command>, &'b [u8]) {
         let mut bytes = bytes;
         while !bytes.is_empty() {

@@ -16,7 +16,8 @@ use crate::{Commands, MAX_DATAGRAM};
 pub const IDLE: Duration = Duration::from_millis(1);
 /// Sends in one turn, so that commands are heard in between.
 const SENDS_PER_TURN: usize = 64;
-/// From so many waiting records on, a busy line is too narrow; poses then have the rest of the outbox to themselves.
+/// From so many waiting records on, a busy line is too narrow; poses then have the rest of the outbox to
+/// themselves.
 const NARROW: usize = OUTBOX_SLOTS / 2;
 /// So many left out are told at once, or all of them when the line has caught up.
 const TELL: u32 = 50;
@@ -47,9 +48,9 @@ pub struct Carried {
 
 /// Carries packets from the outbox to the link and commands from the link to the inbox.
 ///
-/// Records go whole and in order: one that was begun is finished before the next. Where the connection is lost
-/// in the middle of one, its rest is dropped, and what waits is sent to whoever connects next; the frame loop
-/// is then asked to announce itself. While nobody is connected, packets stay in the outbox.
+/// Records go whole and in order: one that was begun is finished before the next. Where the connection is
+/// lost in the middle of one, its rest is dropped, and what waits is sent to whoever connects next; the frame
+/// loop is then asked to announce itself. While nobody is connected, packets stay in the outbox.
 pub struct Courier<'q, L> {
     outbox: OutboxConsumer<'q>,
     inbox: InboxProducer<'q>,
@@ -115,15 +116,16 @@ impl<'q, L: Link> Courier<'q, L> {
         self
     }
 
-    /// Thins on a line too narrow for everything: `Markers` first. What the loop has no room for then, poses last, is
-    /// lost to the full outbox. Both are recorded.
+    /// Thins on a line too narrow for everything: `Markers` first. What the loop has no room for then, poses
+    /// last, is lost to the full outbox. Both are recorded.
     pub fn thinning(mut self) -> Self {
         self.thins = true;
         self
     }
 
-    /// Shows every record to `keep` when it leaves the outbox, also those that the line is too narrow for. While nobody is
-    /// connected the outbox is kept half empty by it: the line then leaves the oldest records out, and this is recorded.
+    /// Shows every record to `keep` when it leaves the outbox, also those that the line is too narrow for.
+    /// While nobody is connected the outbox is kept half empty by it: the line then leaves the oldest records
+    /// out, and this is recorded.
     pub fn keeping(mut self, keep: impl FnMut(&[u8]) + Send + 'q) -> Self {
         self.keep = Some(Box::new(keep));
         self
@@ -168,7 +170,8 @@ impl<'q, L: Link> Courier<'q, L> {
         }
     }
 
-    /// Sends what is left and ends the line, within `patience`. Gives back the records that could not be sent.
+    /// Sends what is left and ends the line, within `patience`. Gives back the records that could not be
+    /// sent.
     ///
     /// # Errors
     /// The link's.

@@ -23,6 +23,14 @@ pub enum Error {
         /// Port.
         port: u16,
     },
+    /// The file of a new capture is not empty.
+    #[error(
+        "{path} holds something already, and is left as it is; give another name, or --append to go on in it"
+    )]
+    Occupied {
+        /// The file.
+        path: String,
+    },
     /// The line could not be opened.
     #[error("cannot open {line}: {why}")]
     Open {

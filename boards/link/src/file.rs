@@ -20,11 +20,20 @@ pub struct FileLink {
 }
 
 impl FileLink {
+    /// Creates the file; one that is there must be empty. A pipe or a device is as good as empty.
+    ///
+    /// # Errors
+    /// [`Error::Occupied`] where the file holds something, and as [`FileLink::append`].
+    pub fn create(path: &Path) -> Result<Self, Error> {
+        let link = Self::append(path)?;
+        if link.begins { Err(Error::Occupied { path: link.path }) } else { Ok(link) }
+    }
+
     /// Opens or creates the file, to append to it.
     ///
     /// # Errors
     /// [`Error::Open`] where the file cannot be made or written.
-    pub fn open(path: &Path) -> Result<Self, Error> {
+    pub fn append(path: &Path) -> Result<Self, Error> {
         let name = path.display().to_string();
         let open = |why: String| Error::Open { line: format!("file:{name}"), why };
         if path.is_dir() {
@@ -104,7 +113,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("ride.gw");
         for record in [b"ab\0", b"cd\0"] {
-            let mut link = FileLink::open(&path).unwrap();
+            let mut link = FileLink::append(&path).unwrap();
             assert_eq!(link.send(record).unwrap(), 3);
             assert!(link.finish().unwrap());
         }
@@ -112,8 +121,20 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_holds_something_is_no_new_one_and_keeps_it() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("ride.gw");
+        std::fs::write(&path, "").unwrap();
+        assert_eq!(FileLink::create(&path).unwrap().send(b"ab\0").unwrap(), 3);
+        let error = FileLink::create(&path).unwrap_err();
+        assert!(matches!(error, Error::Occupied { .. }), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"ab\0");
+        assert!(FileLink::create(Path::new("/dev/null")).is_ok());
+    }
+
+    #[test]
     fn a_full_disk_is_one_sentence() {
-        let mut link = FileLink::open(Path::new("/dev/full")).unwrap();
+        let mut link = FileLink::append(Path::new("/dev/full")).unwrap();
         let error = link.send(b"ab\0").unwrap_err();
         assert_eq!(error.kind(), LinkErrorKind::Full);
         assert_eq!(
@@ -125,9 +146,9 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_made_is_refused_with_what_to_do() {
         let place = tempfile::tempdir().unwrap();
-        let said = FileLink::open(place.path()).unwrap_err().to_string();
+        let said = FileLink::append(place.path()).unwrap_err().to_string();
         assert!(said.contains("that is a directory"), "{said}");
-        let said = FileLink::open(&place.path().join("no/ride.gw")).unwrap_err().to_string();
+        let said = FileLink::append(&place.path().join("no/ride.gw")).unwrap_err().to_string();
         assert!(said.contains("its directory does not exist"), "{said}");
     }
 }

@@ -4,8 +4,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use gangway_engine::Identity;
 
-/// A box's identity for a session that begins now: its number is the time, ns since 1970; the boot's number is the
-/// system's, 0 where that has none.
+/// A box's identity for a session that begins now: its number is the time, ns since 1970; the boot's number
+/// is the system's, 0 where that has none.
 pub fn identity(box_id: u64, firmware: &'static str) -> Identity {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Identity { box_id, boot_id: boot_id().unwrap_or(0), session_id: now.as_nanos() as u64, firmware }

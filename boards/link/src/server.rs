@@ -24,8 +24,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Listens; sends the same records to everybody who is connected.
 ///
 /// A host that has no room misses whole records while another has room (it sees the gap in the running
-/// numbers); with [`TcpServer::set_lossless`] the others wait for it instead. A host that closes its end, also
-/// only the sending half, has left.
+/// numbers); with [`TcpServer::set_lossless`] the others wait for it instead. A host that closes its end,
+/// also only the sending half, has left.
 #[derive(Debug)]
 pub struct TcpServer {
     listener: Option<TcpListener>,

@@ -6,14 +6,13 @@ mod check;
 mod libcamera;
 mod pins;
 
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::{Parser, Subcommand};
 use gangway_engine::{Engine, Identity, Settings};
-use gangway_link::Address;
+use gangway_link::{Address, Program};
 use gangway_linux::camera::Recovering;
 use gangway_linux::run::{self, Next, Parts, Summary};
 use gangway_linux::{Notices, Signals, Status, SystemVitals, Watchdog, lock_memory, log};
@@ -26,6 +25,8 @@ use crate::pins::Pins;
 #[cfg(any(debug_assertions, feature = "proof"))]
 #[global_allocator]
 static ALLOCATOR: gangway_linux::Counting = gangway_linux::Counting;
+
+const PROGRAM: Program = Program::new("gangway-pi");
 
 /// Measures how two carbodies move against each other.
 #[derive(Parser)]
@@ -64,43 +65,13 @@ struct Place {
 }
 
 fn main() -> ExitCode {
-    let args = match Args::try_parse() {
-        Ok(args) => args,
-        Err(error) if !error.use_stderr() => error.exit(),
-        Err(error) => {
-            let text = error.to_string();
-            say(text.strip_prefix("error: ").unwrap_or(&text));
-            return ExitCode::from(2);
-        }
-    };
-    let done = match &args.command {
+    PROGRAM.run(|args: Args| match &args.command {
         Command::Run { place, box_id } => measure(place, *box_id).map(|summary| {
-            print(&told(&summary, &place.to));
+            PROGRAM.print(&told(&summary, &place.to));
             true
         }),
-        Command::Check { place } => check::check(&place.setup, &place.to, &print),
-    };
-    match done {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            say(&format!("{error:#}"));
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Lines for the log, each with the program's name.
-fn say(text: &str) {
-    let mut stderr = io::stderr().lock();
-    for line in text.lines().filter(|line| !line.trim().is_empty()) {
-        // Nobody is left to be told when standard error itself is gone.
-        let _ = writeln!(stderr, "gangway-pi: {line}");
-    }
-}
-
-fn print(text: &str) {
-    let _ = writeln!(io::stdout().lock(), "{text}");
+        Command::Check { place } => check::check(&place.setup, &place.to, &|line| PROGRAM.print(line)),
+    })
 }
 
 fn told(summary: &Summary, to: &Address) -> String {
@@ -132,14 +103,14 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
     let identity = gangway_link::identity(box_id, concat!("gangway-pi ", env!("CARGO_PKG_VERSION")));
     let engine = engine(settings, identity)?;
     let line = place.to.open()?;
-    say(&format!("measuring to {line}"));
+    PROGRAM.say(&format!("measuring to {line}"));
     let (status, next) = (Status::default(), Next::default());
     let log = match parts.board.log_dir.as_str() {
         "" => None,
         folder => Some(log::file(Path::new(folder), identity.session_id).map_err(anyhow::Error::msg)),
     };
     // A card that takes no log is no reason not to measure.
-    let log = log.and_then(|made| made.inspect_err(|refusal| say(&format!("{refusal:#}"))).ok());
+    let log = log.and_then(|made| made.inspect_err(|refusal| PROGRAM.say(&format!("{refusal:#}"))).ok());
     let disk = disk(parts, &place.to);
     let lamps = pins.lamps();
     let parts = Parts {
@@ -162,11 +133,11 @@ fn measure(place: &Place, box_id: Option<u64>) -> anyhow::Result<Summary> {
         if signals.takes_reload() {
             match reload(&place.setup, &setup, identity) {
                 Ok(engine) => next.give(engine),
-                Err(error) => say(&format!("the setup stays as it was: {error:#}")),
+                Err(error) => PROGRAM.say(&format!("the setup stays as it was: {error:#}")),
             }
         }
     };
-    Ok(run::run(parts, slow, &say)?)
+    Ok(run::run(parts, slow, &|line| PROGRAM.say(line))?)
 }
 
 /// Where the records go that stay on the board: its free space is what counts.

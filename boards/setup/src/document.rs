@@ -33,18 +33,13 @@ impl<'t> Document<'t> {
     pub(crate) fn read(&mut self) -> Option<Parts> {
         let mut parts = Parts::default();
         let (document, errors) = DeTable::parse_recoverable(self.text);
-        for error in errors {
+        // One mistake in the writing, as a bracket that is left open, makes others of all lines behind it.
+        if let Some(error) = errors.iter().min_by_key(|error| error.span().map_or(0, |span| span.start)) {
             let line = error.span().map(|span| self.line(&span));
-            // One mistake in the writing often leads to others further on in its line.
-            if !self.mistakes.iter().any(|mistake| mistake.line == line) {
-                let message: Vec<&str> = error.message().lines().map(str::trim).collect();
-                let at = error.span().and_then(|span| self.text.get(span)).map(clip);
-                let at =
-                    at.filter(|at| !at.trim().is_empty()).map_or(String::new(), |at| format!(" at {at}"));
-                self.at(line, format!("this is not TOML{at}: {}", message.join("; ")));
-            }
-        }
-        if !self.mistakes.is_empty() {
+            let message: Vec<&str> = error.message().lines().map(str::trim).collect();
+            let at = error.span().and_then(|span| self.text.get(span)).map(clip);
+            let at = at.filter(|at| !at.trim().is_empty()).map_or(String::new(), |at| format!(" at {at}"));
+            self.at(line, format!("this is not TOML{at}: {}", message.join("; ")));
             return None;
         }
         let document = document.get_ref();

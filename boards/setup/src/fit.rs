@@ -8,7 +8,8 @@ use crate::parts::Parts;
 
 /// How well a person points at a ring's centre, px.
 const SEED_SIGMA_PX: f64 = 3.0;
-/// A seed further than this from where its circle must show, px, and than the ring is wide, is another ring's.
+/// A seed further than this from where its circle must show, px, and than the ring is wide, is another
+/// ring's.
 const FURTHEST_PX: f64 = 10.0;
 
 impl Document<'_> {

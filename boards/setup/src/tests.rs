@@ -64,8 +64,8 @@ fn what_the_example_shows_as_defaults_are_the_defaults() {
         .collect();
     let said = Setup::parse(&uncommented.join("\n"), "ride.toml").unwrap();
     assert_eq!(said.parts(), Setup::parse(RIDE, "ride.toml").unwrap().parts());
-    // Left at their defaults: the coarse pose of the camera, which the seeds make needless; carbody, kind, u and v of the
-    // second target, carbody and kind of the third.
+    // Left at their defaults: the coarse pose of the camera, which the seeds make needless; carbody, kind, u
+    // and v of the second target, carbody and kind of the third.
     assert_eq!(said.table().iter().filter(|row| row.line.is_none()).count(), 4 + 6);
 }
 
@@ -148,7 +148,8 @@ fn a_coarse_place_of_the_camera_becomes_the_reference() {
     let reference = Setup::parse(&parts.to_toml(), "ride.toml").unwrap().settings().reference.unwrap();
     let seen = reference.transform(&[-1300.0, 20.0, 300.0].into());
     assert!(seen.norm() < 1e-9, "the camera is its own origin: {seen}");
-    // What is straight ahead of a camera that looks down by 5 degrees shows above the middle: v counts downwards.
+    // What is straight ahead of a camera that looks down by 5 degrees shows above the middle: v counts
+    // downwards.
     let ahead = reference.transform(&[-300.0, 20.0, 300.0].into());
     assert!((ahead.y / ahead.z + 5f64.to_radians().tan()).abs() < 1e-12 && ahead.x.abs() < 1e-9, "{ahead}");
 }
@@ -278,7 +279,8 @@ fn the_table_of_settings_shows_value_default_and_line() {
     assert_eq!(rows.len(), 1 + 13 + 3 * 10 + 25 + 15);
 }
 
-/// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails here.
+/// Taken apart without `..`: a field that is added to the firmware's settings and not to the table fails
+/// here.
 #[test]
 fn every_setting_of_the_firmware_is_in_the_table() {
     let mut said = Parts::default();

@@ -50,8 +50,8 @@ pub trait Camera {
     /// The frame borrows the camera's buffer, which is given back when the borrow ends.
     fn next_frame(&mut self) -> Result<Frame<'_>, Self::Error>;
 
-    /// Tells the camera another exposure, for frames that come some frames later. Gives what it took, to its own steps
-    /// and bounds; `None` where it cannot be told, as a recording.
+    /// Tells the camera another exposure, for frames that come some frames later. Gives what it took, to its
+    /// own steps and bounds; `None` where it cannot be told, as a recording.
     fn set_exposure(&mut self, wanted: Exposure) -> Option<Exposure> {
         let _ = wanted;
         None

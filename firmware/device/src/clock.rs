@@ -8,7 +8,8 @@ pub trait Clock {
     /// UTC minus monotonic time, ns since 1970 and its uncertainty, ns; `None` where the board knows no UTC.
     fn utc_offset_ns(&self) -> Option<(i64, u64)>;
 
-    /// Waits until this monotonic time, ns. A clock that nothing real follows, such as a recording's, returns at once.
+    /// Waits until this monotonic time, ns. A clock that nothing real follows, such as a recording's, returns
+    /// at once.
     fn wait_until_ns(&self, time_ns: u64) {
         let _ = time_ns;
     }

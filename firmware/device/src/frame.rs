@@ -17,9 +17,9 @@ pub enum Layout {
         /// Significant bits of a sample.
         bits: u8,
     },
-    /// Several samples share a byte (MIPI CSI-2, as V4L2's Y10P and Y12P): groups of four samples of 10 bits in 5 bytes, or
-    /// of two samples of 12 bits in 3 bytes. First comes a byte with the top 8 bits of each sample, then one with their
-    /// low bits, the first sample's lowest. Rows are whole groups.
+    /// Several samples share a byte (MIPI CSI-2, as V4L2's Y10P and Y12P): groups of four samples of 10 bits
+    /// in 5 bytes, or of two samples of 12 bits in 3 bytes. First comes a byte with the top 8 bits of each
+    /// sample, then one with their low bits, the first sample's lowest. Rows are whole groups.
     Packed {
         /// Significant bits of a sample, 10 or 12.
         bits: u8,
@@ -143,7 +143,8 @@ impl<'a> Frame<'a> {
         self.time_ns
     }
 
-    /// Monotonic clock at the end of its readout, ns: from then on it could be taken. `None` where that is not known.
+    /// Monotonic clock at the end of its readout, ns: from then on it could be taken. `None` where that is
+    /// not known.
     pub fn complete_ns(&self) -> Option<u64> {
         self.complete_ns
     }
@@ -153,7 +154,8 @@ impl<'a> Frame<'a> {
         self.stride
     }
 
-    /// The bytes from row `y` on, to the picture's end and what the source left behind it; none below the picture.
+    /// The bytes from row `y` on, to the picture's end and what the source left behind it; none below the
+    /// picture.
     pub fn rows_from(&self, y: u16) -> &'a [u8] {
         self.bytes.get(y as usize * self.stride..).unwrap_or_default()
     }

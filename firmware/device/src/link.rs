@@ -31,8 +31,8 @@ pub trait Link {
     /// Takes what the host has sent, at most `into.len()` bytes; 0 when there is nothing.
     fn receive(&mut self, into: &mut [u8]) -> Result<usize, Self::Error>;
 
-    /// Pushes out what the link still holds, at the end of a session; `true` when all of it is on the line. To be
-    /// called until it is true. Nothing can be sent afterwards.
+    /// Pushes out what the link still holds, at the end of a session; `true` when all of it is on the line.
+    /// To be called until it is true. Nothing can be sent afterwards.
     fn finish(&mut self) -> Result<bool, Self::Error> {
         Ok(true)
     }

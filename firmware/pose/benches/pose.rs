@@ -1,5 +1,5 @@
-//! Microseconds a pose at 5, 15, 19 and 28 circles: cold by the default method, cold by EPnP, and warm from the last
-//! pose; each with refinement, gating and covariance.
+//! Microseconds a pose at 5, 15, 19 and 28 circles: cold by the default method, cold by EPnP, and warm from
+//! the last pose; each with refinement, gating and covariance.
 
 use std::hint::black_box;
 

@@ -27,18 +27,18 @@ pub struct Alternative {
     pub covariance: Matrix6<f64>,
     /// Its residual, as [`Solution::residual_px`].
     pub residual_px: f64,
-    /// Its residual over the solution's, both weighted by the covariances: far above 1 means that the solution
-    /// is the only one, near 1 that the picture cannot tell (infinite for a perfect fit).
+    /// Its residual over the solution's, both weighted by the covariances: far above 1 means that the
+    /// solution is the only one, near 1 that the picture cannot tell (infinite for a perfect fit).
     pub ratio: f64,
-    /// Twice the logarithm of the odds that this one picture gives for the solution and against this pose, where the
-    /// centres may scatter more than their covariances say: from 25 on the picture has decided, at 0 it cannot tell,
-    /// below it would rather have the other one.
+    /// Twice the logarithm of the odds that this one picture gives for the solution and against this pose,
+    /// where the centres may scatter more than their covariances say: from 25 on the picture has decided, at
+    /// 0 it cannot tell, below it would rather have the other one.
     pub evidence: f64,
 }
 
-/// Evidence for a pose with the sum of squares `this` against one with `other`: the difference of -2 log L, each with
-/// the scatter (at least one) that suits it best. Without that freedom a picture whose centres are all off by more
-/// than they say would be sure of anything.
+/// Evidence for a pose with the sum of squares `this` against one with `other`: the difference of -2 log L,
+/// each with the scatter (at least one) that suits it best. Without that freedom a picture whose centres are
+/// all off by more than they say would be sure of anything.
 fn evidence(this: f64, other: f64, freedom: f64) -> f64 {
     let freedom = freedom.max(1.0);
     let cost = |chi2: f64| if chi2 > freedom { freedom * (1.0 + libm::log(chi2 / freedom)) } else { chi2 };
@@ -86,8 +86,8 @@ pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -
     Solution { pose: fit.pose, covariance, residual_px, used: found.used, alternative }
 }
 
-/// Whether a plane's other pose is so near, in standard deviations of the turn, that the sum of squares around one of
-/// them knows of the other.
+/// Whether a plane's other pose is so near, in standard deviations of the turn, that the sum of squares
+/// around one of them knows of the other.
 fn is_beside(fit: &Fit, other: &Fit, scale: f64) -> bool {
     let turn = rotation_vector(&(fit.pose.rotation * other.pose.rotation.transpose()));
     let turns = fit.covariance.fixed_view::<3, 3>(3, 3) * scale;

@@ -1,6 +1,7 @@
-//! Which ring is which circle, from the rings' places alone: the targets' own patterns are looked for among the rings
-//! (`group`), every way to take a pattern for a target of the setup gives a pose (`hypothesis`), and the pose that
-//! explains the rings stands if no other one explains them nearly as well. In slices: so much work a frame.
+//! Which ring is which circle, from the rings' places alone: the targets' own patterns are looked for among
+//! the rings (`group`), every way to take a pattern for a target of the setup gives a pose (`hypothesis`),
+//! and the pose that explains the rings stands if no other one explains them nearly as well. In slices: so
+//! much work a frame.
 
 mod group;
 mod hypothesis;
@@ -77,8 +78,8 @@ pub struct View<'a> {
     pub lens: &'a Lens,
     /// Width and height of the picture, px.
     pub picture: (u16, u16),
-    /// Which of two poses that explain the rings equally well is the one, where something is known: whether a pose is
-    /// plausible.
+    /// Which of two poses that explain the rings equally well is the one, where something is known: whether a
+    /// pose is plausible.
     pub is_plausible: &'a dyn Fn(&Pose) -> bool,
 }
 
@@ -160,7 +161,8 @@ impl Assigner {
     }
 }
 
-/// The solver's settings here: a set of rings that does not fit is dropped as a whole, nothing is searched in it.
+/// The solver's settings here: a set of rings that does not fit is dropped as a whole, nothing is searched in
+/// it.
 fn solver() -> Settings {
     Settings { gate_px: 30.0, ..Settings::default() }
 }

@@ -1,6 +1,6 @@
-//! Where a circle will be seen and how large, and how far its disc's centroid lies from its projected centre: what
-//! the tracker needs to place its window and to correct what it finds (Heikkila 2000, and Hartley and Zisserman 2.2
-//! for the dual conic).
+//! Where a circle will be seen and how large, and how far its disc's centroid lies from its projected centre:
+//! what the tracker needs to place its window and to correct what it finds (Heikkila 2000, and Hartley and
+//! Zisserman 2.2 for the dual conic).
 
 use nalgebra::Matrix2;
 
@@ -20,7 +20,8 @@ pub struct Projected {
     pub diameter_px: f64,
 }
 
-/// Projects a circle. The shape is that of the affine map at the circle's centre, which is what a window needs.
+/// Projects a circle. The shape is that of the affine map at the circle's centre, which is what a window
+/// needs.
 pub fn project_circle(circle: &Circle, pose: &Pose, lens: &Lens) -> Result<Projected, LensError> {
     let point = pose.transform(&circle.point);
     let (centre, jacobian) = lens.project_with_jacobian(&point)?;

@@ -1,5 +1,5 @@
-//! Pose of a general set by the direct linear transformation (thesis 3.3; Hartley and Zisserman 7.1), from six
-//! circles. K is known, so the rays are used and `[R | t]` is the rigid one nearest to the solution.
+//! Pose of a general set by the direct linear transformation (thesis 3.3; Hartley and Zisserman 7.1), from
+//! six circles. K is known, so the rays are used and `[R | t]` is the rigid one nearest to the solution.
 
 use crate::PoseError;
 use crate::eigen;
@@ -10,8 +10,8 @@ use crate::problem::{Problem, Rays};
 
 /// Circles that the DLT needs.
 pub(crate) const MIN_CIRCLES_DLT: usize = 6;
-/// The second smallest eigenvalue must be this many times what noise makes of the smallest: else two solutions
-/// fit, which is how a plane with a few circles off it shows.
+/// The second smallest eigenvalue must be this many times what noise makes of the smallest: else two
+/// solutions fit, which is how a plane with a few circles off it shows.
 const GAP: f64 = 25.0;
 
 /// The DLT of all circles.

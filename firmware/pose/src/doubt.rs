@@ -1,6 +1,7 @@
-//! Few circles of which one may be wrong without showing it: where one alone holds a degree of freedom (the set-back
-//! one of five, say) the pose gives way to it and the residuals stay small. They tell that something does not fit, but
-//! not what. Then the pose without any one of those that it may be is as good, and the covariance must cover it.
+//! Few circles of which one may be wrong without showing it: where one alone holds a degree of freedom (the
+//! set-back one of five, say) the pose gives way to it and the residuals stay small. They tell that something
+//! does not fit, but not what. Then the pose without any one of those that it may be is as good, and the
+//! covariance must cover it.
 
 use nalgebra::Matrix6;
 
@@ -12,9 +13,10 @@ use crate::rest::difference;
 use crate::robust::{SMALL, freedom};
 use crate::scatter::is_significant;
 
-/// What is to be added to the covariance of a fit to all circles: the squared ways to the poses without each circle whose
-/// absence explains why they do not fit. Zero where they do fit, where no one circle explains it (calibration and
-/// printing, which are in all of them), and where there are enough for [`crate::robust`] to decide.
+/// What is to be added to the covariance of a fit to all circles: the squared ways to the poses without each
+/// circle whose absence explains why they do not fit. Zero where they do fit, where no one circle explains it
+/// (calibration and printing, which are in all of them), and where there are enough for [`crate::robust`] to
+/// decide.
 pub(crate) fn of_one_circle(problem: &Problem, fit: &Fit) -> Matrix6<f64> {
     let mut doubt = Matrix6::zeros();
     let all = problem.all();

@@ -1,5 +1,5 @@
-//! Eigenvalues of small symmetric matrices by Jacobi's cyclic method (Golub and Van Loan 8.5): fixed size, on the
-//! stack, accurate for small eigenvalues.
+//! Eigenvalues of small symmetric matrices by Jacobi's cyclic method (Golub and Van Loan 8.5): fixed size, on
+//! the stack, accurate for small eigenvalues.
 
 /// Sweeps after which it ends in any case; four to six are usual.
 const SWEEPS: usize = 12;

@@ -1,5 +1,5 @@
-//! EPnP with Gauss-Newton on the betas (thesis 3.3; Lepetit, Moreno-Noguer and Fua 2009), planar and general, from
-//! four circles. The control points are the centroid and the ends of the principal axes.
+//! EPnP with Gauss-Newton on the betas (thesis 3.3; Lepetit, Moreno-Noguer and Fua 2009), planar and general,
+//! from four circles. The control points are the centroid and the ends of the principal axes.
 
 use crate::PoseError;
 use crate::dlt::pose_of_columns;
@@ -13,7 +13,8 @@ const STEPS: usize = 5;
 /// A mean reprojection error below this (px RMS) needs no further start.
 const GOOD_ENOUGH_PX: f64 = 2.0;
 
-/// The best of the starts (betas from the smallest eigenvector, from the two smallest, and from equal depths).
+/// The best of the starts (betas from the smallest eigenvector, from the two smallest, and from equal
+/// depths).
 pub(crate) fn epnp(problem: &Problem, rays: &Rays) -> Result<Pose, PoseError> {
     let basis = &problem.basis;
     let pose = if basis.is_planar() {
@@ -172,7 +173,8 @@ impl<const N: usize> Lengths<N> {
                     g[i] += 2.0 * row[i] * (target - value);
                 }
             }
-            // Three pairs cannot fix what the plane's third eigenvector adds: a touch of damping keeps it small.
+            // Three pairs cannot fix what the plane's third eigenvector adds: a touch of damping keeps it
+            // small.
             let trace: f64 = (0..N).map(|i| h[i][i]).sum();
             for (i, row) in h.iter_mut().enumerate() {
                 row[i] += 1e-9 * trace;

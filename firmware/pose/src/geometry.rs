@@ -53,8 +53,8 @@ impl Pose {
         translation: Vector3::new(0.0, 0.0, 1000.0),
     };
 
-    /// The carbody that a camera at `position` (mm, in the carbody) sees, turned by roll, pitch (positive looks down) and
-    /// yaw (positive to the left), degrees, from looking along the carbody's x.
+    /// The carbody that a camera at `position` (mm, in the carbody) sees, turned by roll, pitch (positive
+    /// looks down) and yaw (positive to the left), degrees, from looking along the carbody's x.
     pub fn of_camera(position: [f64; 3], turned_deg: [f64; 3]) -> Self {
         let [roll, pitch, yaw] = turned_deg.map(f64::to_radians);
         let turned = Self::FACING.rotation * rotation(roll, pitch, yaw).transpose();
@@ -122,7 +122,8 @@ impl Pose {
     /// This pose turned by the small rotation vector `w` (camera axes, radians) and moved by `v` (mm):
     /// `R' = Exp(w) R`, `t' = t + v`.
     pub(crate) fn perturbed(&self, v: [f64; 3], w: [f64; 3]) -> Self {
-        // The quaternion (1, w/2), scaled to length one, agrees with Exp(w) to second order and needs no sine.
+        // The quaternion (1, w/2), scaled to length one, agrees with Exp(w) to second order and needs no
+        // sine.
         let step = Self::from_quaternion([1.0, 0.5 * w[0], 0.5 * w[1], 0.5 * w[2]], Vector3::zeros());
         Self {
             rotation: step.rotation * self.rotation,
@@ -130,8 +131,8 @@ impl Pose {
         }
     }
 
-    /// This pose moved by `v` (mm) and turned by the rotation vector `w` (radians), along the camera's axes, as a solution's
-    /// covariance counts them: the inverse of [`Pose::difference`] to second order.
+    /// This pose moved by `v` (mm) and turned by the rotation vector `w` (radians), along the camera's axes,
+    /// as a solution's covariance counts them: the inverse of [`Pose::difference`] to second order.
     pub fn moved_by(&self, v: [f64; 3], w: [f64; 3]) -> Self {
         self.perturbed(v, w)
     }

@@ -1,6 +1,6 @@
-//! Which of a plane's two poses is right, through time. Near the frontal view one picture cannot tell; but a plane
-//! does not turn over from one frame to the next, so what one frame is sure of holds for the frames after it, as long as
-//! the two poses stay apart, and what no frame is sure of several may be together.
+//! Which of a plane's two poses is right, through time. Near the frontal view one picture cannot tell; but a
+//! plane does not turn over from one frame to the next, so what one frame is sure of holds for the frames
+//! after it, as long as the two poses stay apart, and what no frame is sure of several may be together.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,8 +8,8 @@ use crate::Solution;
 use crate::ambiguity::DECISIVE;
 use crate::geometry::{Pose, rotation_vector};
 
-/// How much of the evidence a frame leaves to the next: the last ten frames count. Errors that many frames share
-/// (calibration, printing) must not add up to certainty.
+/// How much of the evidence a frame leaves to the next: the last ten frames count. Errors that many frames
+/// share (calibration, printing) must not add up to certainty.
 const FADE: f64 = 0.9;
 /// Evidence against the pose that motion has chosen from which the other one is taken.
 const SWITCH: f64 = 10.0;
@@ -33,9 +33,9 @@ impl PlaneHistory {
         *self = Self::default();
     }
 
-    /// Takes the solution of the next frame, whose pose is `expected` from those before, and puts the pose that follows
-    /// from them before the other one. Whether it could be the other one all the same: neither this picture nor those
-    /// before tell.
+    /// Takes the solution of the next frame, whose pose is `expected` from those before, and puts the pose
+    /// that follows from them before the other one. Whether it could be the other one all the same: neither
+    /// this picture nor those before tell.
     pub fn choose(&mut self, solution: &mut Solution, expected: &Pose) -> bool {
         let Some(other) = solution.alternative else {
             // One pose, but so near to its mirror image that it does not tell on which side the next one is.
@@ -63,8 +63,9 @@ impl PlaneHistory {
     }
 }
 
-/// Brings the poses of an interval at rest to one side: of each the one that is nearer to the first one's, or all of
-/// them turned over where the pictures together would rather have that. Whether the pictures together cannot tell.
+/// Brings the poses of an interval at rest to one side: of each the one that is nearer to the first one's, or
+/// all of them turned over where the pictures together would rather have that. Whether the pictures together
+/// cannot tell.
 pub fn untangle(solutions: &mut [Solution]) -> bool {
     let Some(first) = solutions.first().map(|solution| solution.pose) else { return false };
     let mut evidence = 0.0;

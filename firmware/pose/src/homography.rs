@@ -19,7 +19,8 @@ pub(crate) fn pose_of_plane(basis: &Basis, b: &[[f64; 3]; 3]) -> Option<Pose> {
     let sign = if b[0][2] < 0.0 { -1.0 } else { 1.0 };
     let axis = |k: usize| b[k].map(|c| sign * c / basis.sigma[k - 1]);
     let (p, q) = (axis(1), axis(2));
-    // Nearest orthonormal pair: [p q] S^-1/2 with S = [p q]^T [p q]; for 2 x 2, S^1/2 = (S + det^1/2 I) / trace^1/2.
+    // Nearest orthonormal pair: [p q] S^-1/2 with S = [p q]^T [p q]; for 2 x 2, S^1/2 = (S + det^1/2 I) /
+    // trace^1/2.
     let (pp, pq, qq) = (dot(&p, &p), dot(&p, &q), dot(&q, &q));
     let root = libm::sqrt((pp * qq - pq * pq).max(0.0));
     let trace = libm::sqrt(pp + qq + 2.0 * root);
@@ -36,7 +37,8 @@ pub(crate) fn pose_of_plane(basis: &Basis, b: &[[f64; 3]; 3]) -> Option<Pose> {
     pose_of_axes(basis, &[r1, r2, r3], &b[0].map(|c| sign * scale * c))
 }
 
-/// The pose that puts the basis' axes along `columns` and its centroid at `centroid`, both in camera coordinates.
+/// The pose that puts the basis' axes along `columns` and its centroid at `centroid`, both in camera
+/// coordinates.
 pub(crate) fn pose_of_axes(basis: &Basis, columns: &[[f64; 3]; 3], centroid: &[f64; 3]) -> Option<Pose> {
     let [e1, e2, e3] = basis.axes.map(Vector3::from);
     let [c1, c2, c3] = columns.map(Vector3::from);

@@ -32,7 +32,8 @@ pub enum LensError {
 const CONVERGED_STEP: f64 = 1e-12;
 /// Distorting an undistorted point must give the pixel back to this many pixels.
 const ROUND_TRIP_PX: f64 = 5e-10;
-/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not decide.
+/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not
+/// decide.
 const WAY_POINTS: u32 = 32;
 
 /// The distorted point and the derivative of the distortion, which is symmetric.
@@ -167,8 +168,9 @@ impl Lens {
         })
     }
 
-    /// The centroid, px, of a patch whose centroid before the distortion is the ray (x, y), with second moments
-    /// `moments` there: four points stand for the patch, each with the area that the distortion gives it.
+    /// The centroid, px, of a patch whose centroid before the distortion is the ray (x, y), with second
+    /// moments `moments` there: four points stand for the patch, each with the area that the distortion gives
+    /// it.
     pub(crate) fn centroid(&self, [x, y]: [f64; 2], moments: &Matrix2<f64>) -> [f64; 2] {
         // Two steps whose squares, doubled and averaged over the four points, add up to the moments.
         let two = core::f64::consts::SQRT_2;
@@ -204,8 +206,8 @@ impl Lens {
         }
     }
 
-    /// Whether the distortion is invertible all the way from the axis to the point. Its derivative is symmetric,
-    /// so it is one-to-one wherever that is positive definite.
+    /// Whether the distortion is invertible all the way from the axis to the point. Its derivative is
+    /// symmetric, so it is one-to-one wherever that is positive definite.
     #[inline(always)]
     fn is_invertible(&self, x: f64, y: f64, at: &Distorted) -> bool {
         let [k1, k2, p1, p2, k3] = self.distortion;

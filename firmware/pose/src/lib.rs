@@ -1,10 +1,10 @@
 //! From circle centres to the pose of a carbody, with covariance.
 //!
-//! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens` (pixel
-//! to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt), `robust` and `search` with
-//! `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane), `relative` (one
-//! carbody against the other), `rest` and `motion` (against the rest pose). Nothing
-//! here panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
+//! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens`
+//! (pixel to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt),
+//! `robust` and `search` with `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane),
+//! `relative` (one carbody against the other), `rest` and `motion` (against the rest pose). Nothing here
+//! panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
 #![allow(

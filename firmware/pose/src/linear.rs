@@ -1,11 +1,12 @@
 //! The linear system that DLT, homography and EPnP share.
 //!
 //! In the basis of the points' centroid and principal axes, scaled to unit spread, a point is
-//! `p = c + sum_k sigma_k a_k e_k`, and in the camera `X_c = b_0 + sum_k a_k b_k` with unknown columns `b`. Every ray
-//! (x, y, 1) gives two equations, `X - x Z = 0` and `Y - y Z = 0`: the DLT (Hartley and Zisserman 7.1), and, the
-//! b's being EPnP's control points written as differences, also the matrix M of EPnP (Lepetit et al. 2009).
-//! `M^T M` has the blocks `[[S, 0, -Sx], [0, S, -Sy], [-Sx, -Sy, Sxx + Syy]]`; in this basis `S = n I`, so X and Y of the
-//! columns follow from their depths and the 12 x 12 eigenproblem shrinks to 4 x 4 (3 x 3 for a plane).
+//! `p = c + sum_k sigma_k a_k e_k`, and in the camera `X_c = b_0 + sum_k a_k b_k` with unknown columns `b`.
+//! Every ray (x, y, 1) gives two equations, `X - x Z = 0` and `Y - y Z = 0`: the DLT (Hartley and Zisserman
+//! 7.1), and, the b's being EPnP's control points written as differences, also the matrix M of EPnP (Lepetit
+//! et al. 2009). `M^T M` has the blocks `[[S, 0, -Sx], [0, S, -Sy], [-Sx, -Sy, Sxx + Syy]]`; in this basis
+//! `S = n I`, so X and Y of the columns follow from their depths and the 12 x 12 eigenproblem shrinks to 4 x
+//! 4 (3 x 3 for a plane).
 
 use crate::eigen;
 use crate::problem::Row;

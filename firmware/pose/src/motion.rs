@@ -16,8 +16,8 @@ pub struct RestPose {
     pub pose: Pose,
     /// Its covariance, as in [`Solution::covariance`], but for what is in `common`.
     pub covariance: Matrix6<f64>,
-    /// Covariance of what every pose of the ride has in common with this one, as if the carbody's own axes were elsewhere in
-    /// it: what a layout is off by. A motion feels it only as far as it goes.
+    /// Covariance of what every pose of the ride has in common with this one, as if the carbody's own axes
+    /// were elsewhere in it: what a layout is off by. A motion feels it only as far as it goes.
     pub common: Matrix6<f64>,
 }
 

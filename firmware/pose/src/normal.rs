@@ -6,7 +6,8 @@ use nalgebra::Matrix6;
 /// A pivot below this share of its diagonal element means that the unknown is not determined.
 const SINGULAR: f64 = 1e-13;
 
-/// `H = J^T W J` (upper triangle), `g = J^T W r` and `r^T W r`. Unknowns: (v, w) as [`crate::Solution::covariance`].
+/// `H = J^T W J` (upper triangle), `g = J^T W r` and `r^T W r`. Unknowns: (v, w) as
+/// [`crate::Solution::covariance`].
 #[derive(Clone, Copy)]
 pub(crate) struct Normal {
     pub(crate) h: [[f64; 6]; 6],
@@ -30,7 +31,8 @@ impl Normal {
         }
     }
 
-    /// L and D of `H` with its diagonal made larger by the factor `1 + damping`; `None` where `H` is singular.
+    /// L and D of `H` with its diagonal made larger by the factor `1 + damping`; `None` where `H` is
+    /// singular.
     pub(crate) fn factor(&self, damping: f64) -> Option<Factor> {
         let h = &self.h;
         let mut l = [[0.0; 6]; 6];

@@ -1,9 +1,9 @@
-//! Poses from three circles, up to four of them, exact for those three: the hypotheses of the robust search and the
-//! start for so few circles that the linear methods are undetermined.
+//! Poses from three circles, up to four of them, exact for those three: the hypotheses of the robust search
+//! and the start for so few circles that the linear methods are undetermined.
 //!
-//! The depths l along the unit rays fulfil three quadratic equations, the squared distances. Two combinations of
-//! them without a constant term are conics in the plane of (l1 : l2 : l3); a degenerate conic of their pencil is a
-//! pair of lines, and each line meets the other conic in two points (Persson and Nordberg 2018).
+//! The depths l along the unit rays fulfil three quadratic equations, the squared distances. Two combinations
+//! of them without a constant term are conics in the plane of (l1 : l2 : l3); a degenerate conic of their
+//! pencil is a pair of lines, and each line meets the other conic in two points (Persson and Nordberg 2018).
 
 use heapless::Vec;
 

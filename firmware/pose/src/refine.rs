@@ -10,8 +10,8 @@ use crate::problem::{Problem, Row, camera_point};
 
 /// Evaluations after which it ends in any case.
 const MAX_EVALUATIONS: usize = 30;
-/// A step that promises to change the weighted sum of squares by less than this is the last: a thousandth of the
-/// pose's standard deviation ...
+/// A step that promises to change the weighted sum of squares by less than this is the last: a thousandth of
+/// the pose's standard deviation ...
 const LAST_STEP: f64 = 1e-6;
 /// ... if the step after it, at the rate of the last two, would change it by less than this.
 const CONVERGED: f64 = 1e-12;
@@ -26,8 +26,8 @@ pub(crate) struct Fit {
     pub(crate) chi2: f64,
 }
 
-/// Refines `start` on the circles of `mask`. Fails where the start puts a circle out of the camera's sight, or
-/// the pose is not determined.
+/// Refines `start` on the circles of `mask`. Fails where the start puts a circle out of the camera's sight,
+/// or the pose is not determined.
 pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, PoseError> {
     let mut pose = *start;
     let mut here = linearise(problem, mask, &pose).ok_or(PoseError::NoConsensus)?;
@@ -39,7 +39,8 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
         let [vx, vy, vz, wx, wy, wz] = factor.solve(&here.g);
         let promised: f64 = here.g.iter().zip([vx, vy, vz, wx, wy, wz]).map(|(g, d)| g * d).sum();
         let next = pose.perturbed([vx, vy, vz], [wx, wy, wz]);
-        // Steps shrink at least as fast as they did last time, so the next one's decrease is known beforehand.
+        // Steps shrink at least as fast as they did last time, so the next one's decrease is known
+        // beforehand.
         let settled = promised < LAST_STEP && promised * promised < CONVERGED * before;
         if damping == 0.0 && (settled || promised < CONVERGED) {
             let chi2 = (here.chi2 - promised).max(0.0);
@@ -84,7 +85,8 @@ pub(crate) fn linearise(problem: &Problem, mask: u64, pose: &Pose) -> Option<Nor
     normal.chi2.is_finite().then_some(normal)
 }
 
-/// The two independent residuals of a row, weighted by `weight_u` and `weight_v`, and what they fall by (v, w).
+/// The two independent residuals of a row, weighted by `weight_u` and `weight_v`, and what they fall by (v,
+/// w).
 pub(crate) struct Derivative {
     pub(crate) a: [f64; 6],
     pub(crate) b: [f64; 6],

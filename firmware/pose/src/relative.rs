@@ -1,5 +1,5 @@
-//! One carbody against the other, both seen by one camera: whatever the camera does cancels (conventions of thesis 3.4.3,
-//! with the camera's own carbody in the camera's place).
+//! One carbody against the other, both seen by one camera: whatever the camera does cancels (conventions of
+//! thesis 3.4.3, with the camera's own carbody in the camera's place).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,11 +8,12 @@ use crate::geometry::{Pose, skew};
 use crate::motion::blocks;
 use crate::{RestPose, Solution};
 
-/// The pose of `other` in the frame of `own`, `R_own^T R` and `R_own^T (t - t_own)`: the carbody in that of the camera.
+/// The pose of `other` in the frame of `own`, `R_own^T R` and `R_own^T (t - t_own)`: the carbody in that of
+/// the camera.
 ///
-/// The covariance is of (v, w) along the axes of `own` and has both poses' own in it, which share no circle. `used` is
-/// of both, whose masks must name circles of one list; the residual is the mean of all their circles. A second pose of
-/// `other` is carried along.
+/// The covariance is of (v, w) along the axes of `own` and has both poses' own in it, which share no circle.
+/// `used` is of both, whose masks must name circles of one list; the residual is the mean of all their
+/// circles. A second pose of `other` is carried along.
 pub fn relative_pose(own: &Solution, other: &Solution) -> Solution {
     let (pose, covariance) = between(own, &other.pose, &other.covariance);
     let (of_own, of_other) = (f64::from(own.used.count_ones()), f64::from(other.used.count_ones()));
@@ -44,8 +45,8 @@ fn between(
 }
 
 impl Pose {
-    /// This pose and then `inner` before it: a point of the frame that `inner` starts from, in the frame that this pose
-    /// leads to.
+    /// This pose and then `inner` before it: a point of the frame that `inner` starts from, in the frame that
+    /// this pose leads to.
     pub fn after(&self, inner: &Self) -> Self {
         Self { rotation: self.rotation * inner.rotation, translation: self.transform(&inner.translation) }
     }
@@ -63,7 +64,8 @@ impl Pose {
 }
 
 impl RestPose {
-    /// The same rest as seen from a frame in which that of this pose has the pose `outer`; the covariances turn with it.
+    /// The same rest as seen from a frame in which that of this pose has the pose `outer`; the covariances
+    /// turn with it.
     pub fn seen_from(&self, outer: &Pose) -> Self {
         let turn = blocks(&outer.rotation, &Matrix3::zeros(), &outer.rotation);
         let turned = |covariance| turn * covariance * turn.transpose();

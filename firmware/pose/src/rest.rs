@@ -1,5 +1,5 @@
-//! The rest pose: robust mean of the poses of the rest interval (thesis 5.3.2: a poor first frame biases every
-//! later one). Mean on SO(3) x R^3 by iteration in the tangent space, weights that fall to zero.
+//! The rest pose: robust mean of the poses of the rest interval (thesis 5.3.2: a poor first frame biases
+//! every later one). Mean on SO(3) x R^3 by iteration in the tangent space, weights that fall to zero.
 
 use heapless::Vec;
 use nalgebra::{Matrix6, Vector6};
@@ -17,8 +17,8 @@ const FULL_WEIGHT: f64 = 2.0;
 
 /// The robust mean of poses at rest and its covariance.
 ///
-/// Each pose counts by its own covariance, less from twice the median distance to the mean, and from four times
-/// not at all. The covariance of the mean is enlarged where the poses scatter more than their own
+/// Each pose counts by its own covariance, less from twice the median distance to the mean, and from four
+/// times not at all. The covariance of the mean is enlarged where the poses scatter more than their own
 /// covariances say (vibration).
 pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
     if solutions.is_empty() {

@@ -1,6 +1,7 @@
-//! What to do with circles that do not fit. What betrays a wrong one is not how far it is from the pose that it has
-//! pulled towards itself, but how much better the others agree without it (Cook and Weisberg 1982, case deletion): it
-//! is taken out by that, one by one. Where more than one is wrong they can hide each other; `search` then decides.
+//! What to do with circles that do not fit. What betrays a wrong one is not how far it is from the pose that
+//! it has pulled towards itself, but how much better the others agree without it (Cook and Weisberg 1982,
+//! case deletion): it is taken out by that, one by one. Where more than one is wrong they can hide each
+//! other; `search` then decides.
 
 use nalgebra::Matrix6;
 
@@ -17,8 +18,8 @@ pub(crate) const SMALL: usize = 10;
 /// (the 99 % point of six degrees of freedom, and more).
 const RIVAL: f64 = 20.0;
 
-/// With so few degrees of freedom left their scatter says little, and a gain must be this many times as large before a
-/// circle is wrong by it: one in a hundred by chance (the F distribution of 2 and 2).
+/// With so few degrees of freedom left their scatter says little, and a gain must be this many times as large
+/// before a circle is wrong by it: one in a hundred by chance (the F distribution of 2 and 2).
 const FEW_LEFT: f64 = 2.0;
 const FEW_GATE: f64 = 200.0;
 
@@ -49,8 +50,8 @@ pub(crate) fn freedom(used: u64) -> f64 {
     (2 * used.count_ones()) as f64 - 6.0
 }
 
-/// All circles, where none is beyond the gate: what is left where they do not agree as they should, but no choice of
-/// them does better.
+/// All circles, where none is beyond the gate: what is left where they do not agree as they should, but no
+/// choice of them does better.
 pub(crate) fn whole(problem: &Problem, fit: Fit) -> Option<Consensus> {
     let used = problem.all();
     let mut px2 = 0.0;
@@ -64,8 +65,8 @@ pub(crate) fn whole(problem: &Problem, fit: Fit) -> Option<Consensus> {
     Some(Consensus { fit, used, px2, rival: None })
 }
 
-/// Takes out what does not fit and refines again. `None` where too little would stay, where others could have been
-/// taken out as well, or where what stays is no clear majority.
+/// Takes out what does not fit and refines again. `None` where too little would stay, where others could have
+/// been taken out as well, or where what stays is no clear majority.
 pub(crate) fn trimmed(problem: &Problem, fit: Fit) -> Option<Consensus> {
     let found = shrink(problem, problem.all(), fit)?;
     if found.used == problem.all() {
@@ -82,8 +83,8 @@ pub(crate) fn trimmed(problem: &Problem, fit: Fit) -> Option<Consensus> {
     (agreed && is_only_choice(problem, &found)).then_some(found)
 }
 
-/// What fits the mirrored pose: on the way the wrong circles may have turned a plane over, and a right one then does
-/// not fit.
+/// What fits the mirrored pose: on the way the wrong circles may have turned a plane over, and a right one
+/// then does not fit.
 fn from_mirrored(problem: &Problem, found: &Consensus) -> Option<Consensus> {
     let basis = basis_of(problem, found.used).filter(Basis::is_planar)?;
     let fit = refine(problem, found.used, &mirrored(&basis, &found.fit.pose)).ok()?;
@@ -144,8 +145,8 @@ fn suspect(problem: &Problem, used: u64, fit: &Fit) -> Option<Suspect> {
     Some(Suspect { circle, is_wrong })
 }
 
-/// By how much the sum of squares falls when a circle is left out, and how far the circle is then off, px^2; both by
-/// the linearised problem. With the residuals r and their share H = J C J^T W: `r^T W (I - H)^-1 r`.
+/// By how much the sum of squares falls when a circle is left out, and how far the circle is then off, px^2;
+/// both by the linearised problem. With the residuals r and their share H = J C J^T W: `r^T W (I - H)^-1 r`.
 fn deletion(
     Derivative { a, b, eu, ev }: &Derivative,
     [weight_u, weight_v]: [f64; 2],
@@ -180,8 +181,8 @@ pub(crate) fn least_used(problem: &Problem) -> usize {
     usize::from(problem.settings.min_circles).max(4).max((2 * circles).div_ceil(3))
 }
 
-/// Whether leaving out one other circle instead would not do as well. Where nothing was left out, or the set is
-/// large, the majority decides.
+/// Whether leaving out one other circle instead would not do as well. Where nothing was left out, or the set
+/// is large, the majority decides.
 pub(crate) fn is_only_choice(problem: &Problem, found: &Consensus) -> bool {
     let all = problem.all();
     if found.used == all || problem.rows.len() >= SMALL {
@@ -216,7 +217,8 @@ pub(crate) fn readmitted(problem: &Problem, mut found: Consensus) -> Option<Cons
     Some(if problem.rows.len() < SMALL { with_each_back(problem, found) } else { found })
 }
 
-/// Few circles determine a pose so badly that one left out can seem wrong and not be: each is tried among the others.
+/// Few circles determine a pose so badly that one left out can seem wrong and not be: each is tried among the
+/// others.
 fn with_each_back(problem: &Problem, mut found: Consensus) -> Consensus {
     for (i, _) in problem.masked(problem.all() & !found.used) {
         let more = found.used | 1 << i;

@@ -4,12 +4,13 @@
 /// Standard normal quantile beyond which a sum of squares is no chance: one in a thousand.
 const QUANTILE: f64 = 3.09;
 
-/// The factor by which the centres' variances are too small: `chi2 / (freedom - 2)` where chi2 is significantly above
-/// its freedom, else one. The two less make up for the factor being itself an estimate: the mean of the F distribution
-/// of 6 and n is n / (n - 2), so that the normalised squared error is 6 in the mean.
+/// The factor by which the centres' variances are too small: `chi2 / (freedom - 2)` where chi2 is
+/// significantly above its freedom, else one. The two less make up for the factor being itself an estimate:
+/// the mean of the F distribution of 6 and n is n / (n - 2), so that the normalised squared error is 6 in the
+/// mean.
 ///
-/// A covariance from the pixels' noise knows nothing of compression, calibration and printing. Where chance alone
-/// explains the residuals, nothing is scaled: true covariances stay true.
+/// A covariance from the pixels' noise knows nothing of compression, calibration and printing. Where chance
+/// alone explains the residuals, nothing is scaled: true covariances stay true.
 pub(crate) fn excess(chi2: f64, freedom: f64) -> f64 {
     if is_significant(chi2, freedom) { chi2 / (freedom - 2.0).max(1.0) } else { 1.0 }
 }

@@ -1,6 +1,6 @@
-//! The search where circles hide each other: poses from three circles (Fischler and Bolles 1981), each brought to the
-//! circles that fit it best (Rousseeuw and Van Driessen 2006, least trimmed squares with concentration steps).
-//! Deterministic.
+//! The search where circles hide each other: poses from three circles (Fischler and Bolles 1981), each
+//! brought to the circles that fit it best (Rousseeuw and Van Driessen 2006, least trimmed squares with
+//! concentration steps). Deterministic.
 
 use heapless::Vec;
 
@@ -13,8 +13,8 @@ use crate::problem::{Problem, Rays};
 use crate::refine::refine;
 use crate::robust::{Consensus, is_only_choice, least_used, readmitted, shrink};
 
-/// Triples that the search looks at where it cannot look at all of them. With 45 % wrong circles one triple in six
-/// is right.
+/// Triples that the search looks at where it cannot look at all of them. With 45 % wrong circles one triple
+/// in six is right.
 const TRIPLES: usize = 96;
 /// Sets up to this size are searched over all their triples (84 of nine).
 const EXHAUSTIVE: usize = 9;
@@ -56,8 +56,8 @@ pub(crate) fn poses_of_triple(problem: &Problem, rays: &Rays, triple: [usize; 3]
     p3p(&points, &unit)
 }
 
-/// The candidate with the least cost: squared errors, and for each circle left out the gate's own, in units of the
-/// scatter of the best candidate. Of two poses on the same circles the second is remembered.
+/// The candidate with the least cost: squared errors, and for each circle left out the gate's own, in units
+/// of the scatter of the best candidate. Of two poses on the same circles the second is remembered.
 fn best_of(problem: &Problem, all: &[Consensus]) -> Option<Consensus> {
     let scale = all.iter().map(Consensus::scale).fold(f64::INFINITY, f64::min);
     let gate = problem.settings.gate_sigmas * problem.settings.gate_sigmas;
@@ -71,8 +71,8 @@ fn best_of(problem: &Problem, all: &[Consensus]) -> Option<Consensus> {
     Some(Consensus { rival, ..*best })
 }
 
-/// Refines a hypothesis on the circles that fit it best, as long as that changes which they are, then on all that
-/// are within the gate.
+/// Refines a hypothesis on the circles that fit it best, as long as that changes which they are, then on all
+/// that are within the gate.
 fn concentrated(problem: &Problem, pose: &Pose) -> Option<Consensus> {
     let count = majority(problem);
     // Far from its three circles the hypothesis is wrong by more than the centres: pixels tell, not sigmas.
@@ -96,8 +96,8 @@ fn majority(problem: &Problem) -> usize {
     (circles - wrong.min(circles)).max(least_used(problem)).min(circles)
 }
 
-/// The squared errors, px^2, summed over the circles that fit best. A sum over all would prefer a pose that is a little
-/// off everywhere, between the right circles and wrong ones that agree with each other.
+/// The squared errors, px^2, summed over the circles that fit best. A sum over all would prefer a pose that
+/// is a little off everywhere, between the right circles and wrong ones that agree with each other.
 fn trimmed_px2(problem: &Problem, pose: &Pose) -> f64 {
     let mut errors: Vec<f64, MAX_CIRCLES> = Vec::new();
     for row in &problem.rows {
@@ -147,7 +147,8 @@ fn for_each_triple(count: usize, mut call: impl FnMut([usize; 3])) {
         }
         return;
     }
-    // Linear congruential generator (Numerical Recipes): the same triples in every frame and on every machine.
+    // Linear congruential generator (Numerical Recipes): the same triples in every frame and on every
+    // machine.
     let mut state = 1_u32;
     let mut draw = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -1,6 +1,7 @@
-//! Rows that are exposed one after the other, and motion while they are: each circle is taken at its own row's time. The
-//! motion about the frame's time is the cubic one through this frame's pose and the last three (thesis 4.1.1 asks for
-//! a global shutter; Meingast, Geyer and Sastry 2005 for the geometry of the other kind).
+//! Rows that are exposed one after the other, and motion while they are: each circle is taken at its own
+//! row's time. The motion about the frame's time is the cubic one through this frame's pose and the last
+//! three (thesis 4.1.1 asks for a global shutter; Meingast, Geyer and Sastry 2005 for the geometry of the
+//! other kind).
 
 use heapless::Vec;
 use nalgebra::{Matrix2, Matrix2x6, Matrix6, Vector6};
@@ -9,27 +10,28 @@ use crate::geometry::{Pose, rotation_vector, skew};
 use crate::lens::Lens;
 use crate::{MAX_CIRCLES, Observation, PoseError, Settings, Solution, solve};
 
-/// Solutions after which it ends in any case. Each leaves some tenth of the error before it where the readout takes a
-/// third of a frame's time (two or three suffice), and half of it where it takes all of it.
+/// Solutions after which it ends in any case. Each leaves some tenth of the error before it where the readout
+/// takes a third of a frame's time (two or three suffice), and half of it where it takes all of it.
 const PASSES: usize = 12;
 /// A change below this share of a standard deviation is the last.
 const LAST_CHANGE: f64 = 0.01;
 /// Poses further back than this say nothing of the motion now, s.
 const OLDEST_S: f64 = 0.25;
 
-/// Third differences above this share of the second ones (and its square of the first ones) are a shock, which does not
-/// go on: a sine has at most the square of its phase's step from frame to frame, this much at 5.6 Hz and 50 frames/s.
+/// Third differences above this share of the second ones (and its square of the first ones) are a shock,
+/// which does not go on: a sine has at most the square of its phase's step from frame to frame, this much at
+/// 5.6 Hz and 50 frames/s.
 const SMOOTH: f64 = 0.5;
 
-/// What the cubic leaves out of the speed is about this share of what its last term gives: exact for 2 Hz at 40
-/// frames/s, of which it is 0.75 times the phase's step.
+/// What the cubic leaves out of the speed is about this share of what its last term gives: exact for 2 Hz at
+/// 40 frames/s, of which it is 0.75 times the phase's step.
 const LEFT_OUT: f64 = 0.25;
 
 /// When the rows of a frame are exposed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
-    /// From the exposure of one row to that of the next one below, s; 0 for a global shutter, below 0 where the
-    /// lowest row comes first.
+    /// From the exposure of one row to that of the next one below, s; 0 for a global shutter, below 0 where
+    /// the lowest row comes first.
     pub line_time_s: f64,
     /// Duration of each row's exposure, s; 0 where it is not known.
     pub exposure_s: f64,
@@ -49,14 +51,15 @@ pub struct Track {
     past: [Option<(u64, Pose)>; 3],
 }
 
-/// The motion about a pose, (v, w) as [`Solution::covariance`]: coefficients of the seconds, their square and cube.
+/// The motion about a pose, (v, w) as [`Solution::covariance`]: coefficients of the seconds, their square and
+/// cube.
 #[derive(Default)]
 struct Rates {
     first: Vector6<f64>,
     second: Vector6<f64>,
     third: Vector6<f64>,
-    /// How much the speed at the pose follows this pose, and the root of the sum of squares of how much it follows
-    /// those before, 1/s.
+    /// How much the speed at the pose follows this pose, and the root of the sum of squares of how much it
+    /// follows those before, 1/s.
     by_this: Vector6<f64>,
     by_past: Vector6<f64>,
     /// Standard deviation of the speed from what the cubic leaves out.
@@ -74,8 +77,8 @@ impl Track {
         *self = Self::default();
     }
 
-    /// The motion about `pose` at a time after those of the track, by Newton's divided differences; none where nothing
-    /// is known of it. `variances` are those of each pose.
+    /// The motion about `pose` at a time after those of the track, by Newton's divided differences; none
+    /// where nothing is known of it. `variances` are those of each pose.
     fn rates(&self, time_ns: u64, pose: &Pose, variances: &Vector6<f64>) -> Option<Rates> {
         let back = |past: Option<(u64, Pose)>| {
             let (before_ns, before) = past?;
@@ -108,7 +111,8 @@ impl Track {
             if d3 > 9.0 * noise && d3 > SMOOTH * (SMOOTH * d1 + d2) {
                 continue;
             }
-            // What is not above the noise is noise, which extrapolation would only make larger (Wiener's filter).
+            // What is not above the noise is noise, which extrapolation would only make larger (Wiener's
+            // filter).
             let share = if d3 > noise { 1.0 - noise / d3 } else { 0.0 };
             let third = share * third[i];
             rates.first[i] += third * (x1 * x2) - second[i] * x1;
@@ -135,10 +139,11 @@ fn moved_by(pose: &Pose, d: &Vector6<f64>) -> Pose {
     pose.perturbed([d[0], d[1], d[2]], [d[3], d[4], d[5]])
 }
 
-/// As [`solve`], for a frame whose rows were exposed as `shutter` says, after the poses of `track`: the pose at the
-/// mid-exposure of the middle row. `prior` is the pose expected then.
+/// As [`solve`], for a frame whose rows were exposed as `shutter` says, after the poses of `track`: the pose
+/// at the mid-exposure of the middle row. `prior` is the pose expected then.
 ///
-/// The covariance has in it that the motion is taken from noisy poses, and a guess of what a cubic cannot follow.
+/// The covariance has in it that the motion is taken from noisy poses, and a guess of what a cubic cannot
+/// follow.
 pub fn solve_in_motion(
     observations: &[Observation],
     lens: &Lens,
@@ -157,8 +162,9 @@ pub fn solve_in_motion(
     Ok(solution)
 }
 
-/// Brings the mean over the exposure, which is what a picture shows, to its middle: `solution` is of the frame at
-/// `time_ns`, `track` of those before it. As [`solve_in_motion`] does, for a pose that was made of several.
+/// Brings the mean over the exposure, which is what a picture shows, to its middle: `solution` is of the
+/// frame at `time_ns`, `track` of those before it. As [`solve_in_motion`] does, for a pose that was made of
+/// several.
 pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &Track, time_ns: u64) {
     // Over an exposure a point is on average a T^2 / 24 from where it is in the middle.
     if shutter.exposure_s > 0.0
@@ -209,9 +215,9 @@ fn row_by_row(
     solution.map_or_else(|| solve(observations, lens, settings, Some(prior)), Ok)
 }
 
-/// The covariance with that of the speed in it. A speed that is off by s moves circle i by J_i s t_i, t_i its time: with
-/// H = sum J^T W J and M = sum t J^T W J the pose's error e fulfils `(H + M a) e = J^T W n - M s`, where a is how much
-/// the speed follows this pose itself.
+/// The covariance with that of the speed in it. A speed that is off by s moves circle i by J_i s t_i, t_i its
+/// time: with H = sum J^T W J and M = sum t J^T W J the pose's error e fulfils `(H + M a) e = J^T W n - M s`,
+/// where a is how much the speed follows this pose itself.
 fn uncertain_motion(
     solution: &Solution,
     observations: &[Observation],

@@ -1,5 +1,5 @@
-//! The front door: observations in, pose with covariance out. Warm from the last pose where there is one, else
-//! cold by the method of the settings; what does not fit is left out, and what does not hold is refused.
+//! The front door: observations in, pose with covariance out. Warm from the last pose where there is one,
+//! else cold by the method of the settings; what does not fit is left out, and what does not hold is refused.
 
 use heapless::Vec;
 use nalgebra::Matrix6;
@@ -25,17 +25,17 @@ pub struct Solution {
     /// The pose.
     pub pose: Pose,
     /// Covariance of (v, w), v in mm and w in radians, both along the camera's axes: the true pose is
-    /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances: `(J^T W J)^-1`, times chi squared over its degrees
-    /// of freedom (less two) where the circles scatter significantly more (one in a thousand by chance) than those
-    /// covariances say. Wider for a plane so near its mirror image that its tilt shows by its square, and where one of
-    /// few circles (5 to 9) may be wrong and the others do not tell which.
+    /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances: `(J^T W J)^-1`, times chi squared over
+    /// its degrees of freedom (less two) where the circles scatter significantly more (one in a thousand by
+    /// chance) than those covariances say. Wider for a plane so near its mirror image that its tilt shows by
+    /// its square, and where one of few circles (5 to 9) may be wrong and the others do not tell which.
     pub covariance: Matrix6<f64>,
     /// Root mean square distance between measured and reprojected centre over the circles used, px.
     pub residual_px: f64,
     /// Bit i is set where observation i went into the pose; the others were beyond the gate.
     pub used: u64,
-    /// The second pose that a planar set has, where there is one; after a cold start also that of four circles in
-    /// space.
+    /// The second pose that a planar set has, where there is one; after a cold start also that of four
+    /// circles in space.
     pub alternative: Option<Alternative>,
 }
 
@@ -52,8 +52,8 @@ impl Solution {
     }
 }
 
-/// The pose of `observations` (4 to 64). `prior` is the last pose, if there is one; a start from it that leads
-/// nowhere, or to a worse pose than a cold start would, costs time but never a wrong answer.
+/// The pose of `observations` (4 to 64). `prior` is the last pose, if there is one; a start from it that
+/// leads nowhere, or to a worse pose than a cold start would, costs time but never a wrong answer.
 pub fn solve(
     observations: &[Observation],
     lens: &Lens,
@@ -76,8 +76,8 @@ fn from_start(problem: &Problem, start: &Pose) -> Option<Consensus> {
     robust::trimmed(problem, fit)
 }
 
-/// As [`from_start`]. Wrong circles may have pulled the pose over into another minimum before they were taken out: then
-/// the one that follows from the prior is taken and the other remembered.
+/// As [`from_start`]. Wrong circles may have pulled the pose over into another minimum before they were taken
+/// out: then the one that follows from the prior is taken and the other remembered.
 fn from_prior(problem: &Problem, prior: &Pose) -> Option<Consensus> {
     let found = from_start(problem, prior)?;
     if found.used == problem.all() {

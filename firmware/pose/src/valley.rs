@@ -1,7 +1,8 @@
-//! The uncertainty of a plane near its frontal view. Its tilt then shows by its square: the weighted sum of squares is
-//! no bowl but a bent valley that holds both mirror images, and what is linearised at its lowest point is far too sure
-//! of the tilt and of all that follows from it. So the valley is walked along as a profile of the likelihood (Bates and
-//! Watts 1988, 6.1): to either side to where the sum has risen by nine, three standard deviations.
+//! The uncertainty of a plane near its frontal view. Its tilt then shows by its square: the weighted sum of
+//! squares is no bowl but a bent valley that holds both mirror images, and what is linearised at its lowest
+//! point is far too sure of the tilt and of all that follows from it. So the valley is walked along as a
+//! profile of the likelihood (Bates and Watts 1988, 6.1): to either side to where the sum has risen by nine,
+//! three standard deviations.
 
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -20,8 +21,8 @@ const FURTHEST: f64 = 0.5;
 /// Steps that bring a place beside the valley down to its floor.
 const DESCENTS: usize = 4;
 
-/// The covariance of a fit, as wide as the profiles of its two least certain turns, a plane's tilts. `scale` is the
-/// factor by which the circles scatter more than their covariances say; it is in what is returned.
+/// The covariance of a fit, as wide as the profiles of its two least certain turns, a plane's tilts. `scale`
+/// is the factor by which the circles scatter more than their covariances say; it is in what is returned.
 pub(crate) fn covariance(problem: &Problem, used: u64, fit: &Fit, scale: f64) -> Matrix6<f64> {
     let linear = fit.covariance * scale;
     let turns = linear.fixed_view::<3, 3>(3, 3).into_owned();
@@ -56,8 +57,8 @@ impl Valley<'_> {
         Some(bent - self.along * self.along.transpose())
     }
 
-    /// The way along the valley, (v, w), to where the sum of squares has risen enough on one side, and never less than
-    /// the linear one.
+    /// The way along the valley, (v, w), to where the sum of squares has risen enough on one side, and never
+    /// less than the linear one.
     fn end(&self, side: f64, enough: f64) -> Option<Vector6<f64>> {
         let sigma = self.along.fixed_rows::<3>(3).norm();
         let (mut shorter, mut rise_before) = (0.0, 0.0);
@@ -80,7 +81,8 @@ impl Valley<'_> {
         Some(difference(&end, &self.fit.pose))
     }
 
-    /// The lowest pose with the turn at so many standard deviations, and by how much the sum of squares is higher.
+    /// The lowest pose with the turn at so many standard deviations, and by how much the sum of squares is
+    /// higher.
     fn floor(&self, sigmas: f64) -> Option<(Pose, f64)> {
         let mut pose = moved(&self.fit.pose, &(self.along * sigmas));
         for _ in 0..DESCENTS {

@@ -1,6 +1,7 @@
-//! How much more centres scatter than the noise of their pixels says: a variance that all of them share (a variance
-//! component, Foerstner 1979), learnt from the residuals of the frames before. Compression, calibration and printing move
-//! a ring whatever its own noise is, so where they prevail the circles weigh alike.
+//! How much more centres scatter than the noise of their pixels says: a variance that all of them share (a
+//! variance component, Foerstner 1979), learnt from the residuals of the frames before. Compression,
+//! calibration and printing move a ring whatever its own noise is, so where they prevail the circles weigh
+//! alike.
 
 use crate::geometry::Centre;
 
@@ -23,7 +24,8 @@ pub struct VarianceComponent {
 }
 
 impl VarianceComponent {
-    /// The variance beside that of the pixels, px^2 a coordinate; 0 where chance alone explains the residuals.
+    /// The variance beside that of the pixels, px^2 a coordinate; 0 where chance alone explains the
+    /// residuals.
     pub fn px2(&self) -> f64 {
         if self.unexplained > CHANCE * self.explained { self.unexplained } else { 0.0 }
     }
@@ -34,8 +36,8 @@ impl VarianceComponent {
         Centre { at, covariance: [uu + more, uv, vv + more] }
     }
 
-    /// Takes a frame's root mean square residual, px, and the covariances (uu, uv, vv) that the pixels gave the circles
-    /// used.
+    /// Takes a frame's root mean square residual, px, and the covariances (uu, uv, vv) that the pixels gave
+    /// the circles used.
     pub fn learn(&mut self, residual_px: f64, covariances: impl Iterator<Item = [f64; 3]>) {
         let (mut circles, mut trace) = (0_usize, 0.0);
         for [uu, _, vv] in covariances {

@@ -1,4 +1,5 @@
-//! What has no pose gets a typed error; wrong circles are named and left out; nothing panics, and no pose is wrong.
+//! What has no pose gets a typed error; wrong circles are named and left out; nothing panics, and no pose is
+//! wrong.
 
 mod scenes;
 
@@ -130,14 +131,15 @@ proptest! {
         match solve(&observations, &scene.lens, &Settings::default(), warm.then_some(&prior)) {
             Ok(solution) => {
                 prop_assert_eq!(solution.used, right);
-                // Only exact centres are left: a tenth of a standard deviation is for sets that hardly have a pose.
+                // Only exact centres are left: a tenth of a standard deviation is for sets that hardly have a
+                // pose.
                 let squared = |pose: &Pose| {
                     let off = truth.translation - pose.translation;
                     let covariance = solution.covariance.fixed_view::<3, 3>(0, 0).into_owned();
                     off.dot(&covariance.cholesky().expect("positive definite").solve(&off))
                 };
-                // Where the picture cannot tell two poses apart, the one that follows from the prior stands, and the
-                // other one is told.
+                // Where the picture cannot tell two poses apart, the one that follows from the prior stands,
+                // and the other one is told.
                 let other = solution.alternative.filter(|other| other.evidence < 25.0);
                 let nearest = other.map_or(f64::INFINITY, |other| squared(&other.pose)).min(squared(&solution.pose));
                 prop_assert!(nearest < 0.01, "normalised squared error {}", nearest);

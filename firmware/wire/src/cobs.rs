@@ -1,4 +1,5 @@
-//! Consistent overhead byte stuffing (Cheshire and Baker, 1999): bytes without zeros, so that a zero ends a frame.
+//! Consistent overhead byte stuffing (Cheshire and Baker, 1999): bytes without zeros, so that a zero ends a
+//! frame.
 
 /// Bytes that stuffing adds to `length` bytes, at most.
 pub(crate) const fn overhead(length: usize) -> usize {

@@ -38,8 +38,8 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    /// A sound frame came with this number; `session` is the one that it names, if it is a `Hello`: with another
-    /// session the numbers begin anew.
+    /// A sound frame came with this number; `session` is the one that it names, if it is a `Hello`: with
+    /// another session the numbers begin anew.
     pub(crate) fn note(&mut self, sequence: u32, session: Option<u64>, counts: &mut Counts) {
         let is_other = matches!((self.session, session), (Some(known), Some(named)) if known != named);
         self.session = session.or(self.session);

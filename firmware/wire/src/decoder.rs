@@ -131,8 +131,8 @@ impl Decoder {
         &self.counts
     }
 
-    /// Takes bytes up to the end of the next frame. Gives back what that frame says, `None` where the bytes end
-    /// first, and the bytes behind it: to be called until they are empty.
+    /// Takes bytes up to the end of the next frame. Gives back what that frame says, `None` where the bytes
+    /// end first, and the bytes behind it: to be called until they are empty.
     pub fn feed<'d, 'b>(&'d mut self, bytes: &'b [u8]) -> (Option<Decoded<'d>>, &'b [u8]) {
         let mut left = bytes.iter();
         while let Some(&byte) = left.next() {
@@ -148,8 +148,9 @@ impl Decoder {
         (None, &[])
     }
 
-    /// The line is at its end (a file's end, a connection closed): gives back the damage if that is in the middle
-    /// of a frame. The decoder can then take another connection's bytes; its counts and running numbers go on.
+    /// The line is at its end (a file's end, a connection closed): gives back the damage if that is in the
+    /// middle of a frame. The decoder can then take another connection's bytes; its counts and running
+    /// numbers go on.
     pub fn finish(&mut self) -> Option<Damage> {
         let is_open = !self.is_empty && !self.is_skipping;
         self.begin();
@@ -183,7 +184,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Takes a delimiter; the length of the frame before it or its damage, `None` where there is nothing to say.
+    /// Takes a delimiter; the length of the frame before it or its damage, `None` where there is nothing to
+    /// say.
     fn end(&mut self) -> Option<Result<usize, Damage>> {
         let silent = self.is_empty || self.is_skipping;
         let found = if self.unstuff.may_end() { Ok(self.length) } else { Err(Damage::Stuffing) };

@@ -1,4 +1,5 @@
-//! What happened: events and their numbers on the wire, which are given here, pinned by `WIRE.md`, and never change.
+//! What happened: events and their numbers on the wire, which are given here, pinned by `WIRE.md`, and never
+//! change.
 
 use serde::{Deserialize, Serialize};
 
@@ -103,8 +104,8 @@ pub enum What<'a> {
         /// How far it has turned, degrees.
         turn_deg: f32,
     },
-    /// The camera shakes in its place, as its reference targets show; told again when that has doubled or halved, and
-    /// with zeros when it is over.
+    /// The camera shakes in its place, as its reference targets show; told again when that has doubled or
+    /// halved, and with zeros when it is over.
     CameraShaking {
         /// Root mean square of its shift over a second, mm.
         shift_mm: f32,

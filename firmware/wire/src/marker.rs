@@ -18,24 +18,26 @@ const SIGMA_ONE: f32 = 192.0;
 const SIGMA_OCTAVE: f32 = 16.0;
 /// Code of a standard deviation that is not known or beyond the scale.
 const SIGMA_UNKNOWN: u8 = 255;
-/// Codes of a correlation of 1; the code itself stays one below, so that a covariance stays positive definite.
+/// Codes of a correlation of 1; the code itself stays one below, so that a covariance stays positive
+/// definite.
 const CORRELATION_ONE: f32 = 128.0;
 
 /// One circle's centre as measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Marker {
-    /// u right, v down, px. On the wire in steps of 1/1024 px, clamped to +-(8,191 + 1023/1024) px; a centre a
-    /// little outside the picture (-0.3) is kept as it is. NaN comes back as NaN.
+    /// u right, v down, px. On the wire in steps of 1/1024 px, clamped to +-(8,191 + 1023/1024) px; a centre
+    /// a little outside the picture (-0.3) is kept as it is. NaN comes back as NaN.
     pub at_px: [f32; 2],
-    /// Standard deviations of u and v, px. On the wire one byte each, 16 steps an octave (to 2.2 %) from 2^-12
-    /// to 14.7 px; less comes back as 2^-12, more, NaN and negative values as infinity (not known).
+    /// Standard deviations of u and v, px. On the wire one byte each, 16 steps an octave (to 2.2 %) from
+    /// 2^-12 to 14.7 px; less comes back as 2^-12, more, NaN and negative values as infinity (not known).
     pub sigma_px: [f32; 2],
     /// Their correlation. On the wire in steps of 1/128, clamped to +-127/128; NaN comes back as 0.
     pub correlation: f32,
 }
 
 impl Marker {
-    /// The nine bytes: u and v (24 bits each, two's complement, little-endian), sigma u, sigma v, correlation.
+    /// The nine bytes: u and v (24 bits each, two's complement, little-endian), sigma u, sigma v,
+    /// correlation.
     pub fn pack(&self) -> [u8; PACKED_MARKER] {
         let [u0, u1, u2] = pack_place(self.at_px[0]);
         let [v0, v1, v2] = pack_place(self.at_px[1]);
@@ -92,7 +94,8 @@ pub struct Markers<'a> {
     pub visible: u64,
     /// Bit i: circle i went into the pose; always among the visible ones.
     pub used: u64,
-    /// Nine bytes a visible circle, in the order of the bits; [`Centres`] makes them, [`Markers::iter`] reads them.
+    /// Nine bytes a visible circle, in the order of the bits; [`Centres`] makes them, [`Markers::iter`] reads
+    /// them.
     pub packed: &'a [u8],
 }
 

@@ -10,8 +10,8 @@ pub(crate) const HEAD: usize = 4 + 1;
 /// The CRC-32 behind every body.
 pub(crate) const CHECK: usize = 4;
 
-/// No frame of this wire version will ever be longer, delimiter included: a decoder with room for that much can
-/// tell a newer record from damage.
+/// No frame of this wire version will ever be longer, delimiter included: a decoder with room for that much
+/// can tell a newer record from damage.
 pub const FRAME_LIMIT: usize = 1024;
 /// Longest body that keeps [`FRAME_LIMIT`].
 pub(crate) const BODY_LIMIT: usize = 1009;

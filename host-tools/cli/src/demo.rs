@@ -1,5 +1,5 @@
-//! `gangway demo`: a simulated ride through the box's own frame loop, over a real TCP socket, into a session on
-//! disk, and out as a table against the truth and pictures.
+//! `gangway demo`: a simulated ride through the box's own frame loop, over a real TCP socket, into a session
+//! on disk, and out as a table against the truth and pictures.
 
 use std::collections::VecDeque;
 use std::io::{self, Write as _};

@@ -16,8 +16,9 @@ pub(crate) struct Args {
     /// Without it, the motion is described on its own.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// The truth is a recorder's, of another rate and clock: its first column is time_s, time_ms, time_us or time_ns
-    /// instead of frame. Its clock is found from the motion, and the offset is told with its uncertainty.
+    /// The truth is a recorder's, of another rate and clock: its first column is time_s, time_ms, time_us or
+    /// time_ns instead of frame. Its clock is found from the motion, and the offset is told with its
+    /// uncertainty.
     #[arg(long, requires = "truth")]
     sync: bool,
     /// Print JSON instead of the table.

@@ -1,5 +1,5 @@
-//! `gangway experiment`: an experiment of thesis chapter 5, simulated with the errors of real targets and cameras, measured
-//! by the box's own frame loop with each solver, and set beside the published figures.
+//! `gangway experiment`: an experiment of thesis chapter 5, simulated with the errors of real targets and
+//! cameras, measured by the box's own frame loop with each solver, and set beside the published figures.
 
 mod fiducials;
 mod measure;
@@ -34,7 +34,8 @@ pub(crate) struct Args {
     /// Folder for tables, figures, captures; each experiment has its own in it.
     #[arg(long, default_value = "experiment", value_name = "DIR")]
     out: PathBuf,
-    /// Number of simulations, each with its own noise, targets and calibration; the tables are medians over them.
+    /// Number of simulations, each with its own noise, targets and calibration; the tables are medians over
+    /// them.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
 }
@@ -179,8 +180,9 @@ fn evaluated(
     Ok(Some(evaluation))
 }
 
-/// Takes a constant angle out of the measured displacements, so that the rail's direction is the axis it should be
-/// (thesis 5.3.2: the rail's misalignment to the rest pose is taken out by a constant angle). Gives the angle, degrees.
+/// Takes a constant angle out of the measured displacements, so that the rail's direction is the axis it
+/// should be (thesis 5.3.2: the rail's misalignment to the rest pose is taken out by a constant angle). Gives
+/// the angle, degrees.
 fn straighten(samples: &mut [Sample], reference: &Reference, axis: usize) -> f64 {
     let mut direction = [0.0; 3];
     for sample in samples.iter() {

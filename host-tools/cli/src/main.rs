@@ -13,10 +13,13 @@ mod setup;
 mod simulate;
 
 use std::fmt;
-use std::io::{self, Write as _};
+use std::io;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use gangway_bench::link::Program;
+
+const PROGRAM: Program = Program::new("gangway");
 
 /// Measures the relative motion of two carbodies: setups, simulated rides, sessions, evaluation.
 #[derive(Parser)]
@@ -61,7 +64,11 @@ impl fmt::Display for Usage {
 impl std::error::Error for Usage {}
 
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let cli: Cli = match PROGRAM.arguments() {
+        Ok(cli) => cli,
+        Err(used_wrongly) => return used_wrongly,
+    };
+    let result = match cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Setup(args) => setup::run(args),
         Command::Simulate(args) => simulate::run(args),
@@ -77,16 +84,15 @@ fn main() -> ExitCode {
         // Whoever read our output has seen enough (`gangway ... | head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            format!("{error:#}").lines().filter(|line| !line.trim().is_empty()).for_each(tell);
+            tell(&format!("{error:#}"));
             if error.is::<Usage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }
 
-/// A line on standard error.
-pub(crate) fn tell(line: &str) {
-    // Nobody is left to be told when standard error itself is gone.
-    let _ = writeln!(io::stderr(), "gangway: {line}");
+/// Lines on standard error.
+pub(crate) fn tell(text: &str) {
+    PROGRAM.say(text);
 }
 
 /// Whether the error is a write to a pipe that nobody reads any more.

@@ -16,8 +16,9 @@ use crate::{Usage, tell};
 /// Arguments of `gangway receive`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Where a box sends: tcp://HOST:PORT (the box listens there), tcp-listen://HOST:PORT (we listen), udp://HOST:PORT
-    /// (we listen), serial:DEVICE@BAUD, file:PATH or - for standard input. Once for every box.
+    /// Where a box sends: tcp://HOST:PORT (the box listens there), tcp-listen://HOST:PORT (we listen),
+    /// udp://HOST:PORT (we listen), serial:DEVICE@BAUD, file:PATH or - for standard input. Once for every
+    /// box.
     #[arg(long, required = true, value_name = "ADDRESS")]
     from: Vec<Address>,
     /// Folder that gets a folder of its own for every session.

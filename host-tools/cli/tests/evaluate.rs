@@ -111,8 +111,8 @@ fn a_mistake_is_one_sentence_and_exit_code_1() {
     assert_eq!(evaluate(folder.path(), &[]).status.code(), Some(2), "used wrongly");
 }
 
-/// The ride's truth as a recorder would have it: at another rate, from another zero of time. The ride moves on from a
-/// rest of 20 frames.
+/// The ride's truth as a recorder would have it: at another rate, from another zero of time. The ride moves
+/// on from a rest of 20 frames.
 fn recorded_ride(folder: &Path) {
     let motion = |t: f64| if t < 0.4 { 0.0 } else { 30.0 * (5.0 * (t - 0.4)).sin() };
     let mut capture = Vec::new();
@@ -153,7 +153,8 @@ fn a_recorder_of_another_rate_and_clock_is_synchronised() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let offset = json["sync"]["offset_s"].as_f64().unwrap();
-    // Single precision of 30 mm at 150 mm/s, and a corner in the motion that a spline rounds off: well below 0.1 ms.
+    // Single precision of 30 mm at 150 mm/s, and a corner in the motion that a spline rounds off: well below
+    // 0.1 ms.
     assert!((offset + 1.5).abs() < 1e-4, "{offset}");
     assert_eq!(json["frames"]["compared"], 140);
     assert!((json["deviation"]["x"]["mean"].as_f64().unwrap() - 0.25).abs() < 1e-6);

@@ -331,3 +331,20 @@ fn a_ping_is_printed_with_both_clocks_and_a_silent_box_is_said() {
     assert_eq!((code(&output), stderr(&output).lines().count()), (Some(1), 1));
     assert!(stderr(&output).contains("did not answer"), "{}", stderr(&output));
 }
+
+#[test]
+fn every_line_of_complaint_begins_with_the_programs_name() {
+    let dir = tempfile::tempdir().unwrap();
+    for (args, exit, says) in [
+        (&["export", "rides/1", "--out", "a.csv", "--format", "xls"][..], 2, "invalid value 'xls'"),
+        (&["receive", "--from", "udp://127.0.0.1:99999"], 2, "a port from 0 to 65535"),
+        (&["nothing"], 2, "unrecognized subcommand 'nothing'"),
+        (&["decode", "nowhere.gw"], 1, "cannot open nowhere.gw"),
+    ] {
+        let output = run(dir.path(), args);
+        let said = stderr(&output);
+        assert_eq!(code(&output), Some(exit), "{said}");
+        assert!(said.contains(says), "{said}");
+        assert!(said.lines().all(|line| line.starts_with("gangway: ")), "{said}");
+    }
+}

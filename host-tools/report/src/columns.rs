@@ -1,5 +1,5 @@
-//! References in CSV: their rows, and the columns of what each row is of (a frame, a time) and of the six degrees of
-//! freedom.
+//! References in CSV: their rows, and the columns of what each row is of (a frame, a time) and of the six
+//! degrees of freedom.
 
 use std::path::Path;
 
@@ -53,7 +53,8 @@ fn delimiter(text: &str) -> u8 {
     [b'\t', b';', b','].into_iter().max_by_key(|c| count(*c)).unwrap_or(b',')
 }
 
-/// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the row.
+/// Line of a row, from 1. The reader's position is where it began to look; empty lines may come before the
+/// row.
 fn line_of(row: &StringRecord, text: &str) -> u64 {
     let Some(position) = row.position() else { return 0 };
     let rest = text.get(position.byte() as usize..).unwrap_or_default();

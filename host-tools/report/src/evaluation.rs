@@ -16,8 +16,8 @@ pub struct Evaluation {
     pub session: String,
     /// Name or path of the reference; `None` where there is none.
     pub reference: Option<String>,
-    /// How the reference's clock was found to stand to the session's; `None` where it goes by frame numbers. Put in
-    /// by who synchronised.
+    /// How the reference's clock was found to stand to the session's; `None` where it goes by frame numbers.
+    /// Put in by who synchronised.
     pub sync: Option<Alignment>,
     /// How many frames went where.
     pub frames: Frames,
@@ -38,7 +38,8 @@ pub struct Evaluation {
 }
 
 /// How many frames went where: `all = waiting + without_pose + not_in_reference + compared` with a reference,
-/// `all = waiting + without_pose + compared` without one (then `compared` are those that went into the statistics).
+/// `all = waiting + without_pose + compared` without one (then `compared` are those that went into the
+/// statistics).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Frames {
     /// In the session.

@@ -10,8 +10,8 @@ pub struct Page {
     pub title: String,
     /// One paragraph below the title; may be empty.
     pub about: String,
-    /// How it was made: pairs of a name ("Setup") and a value ("setup.toml"). A value that is a path of a file in the
-    /// page's folder is best given in `files`.
+    /// How it was made: pairs of a name ("Setup") and a value ("setup.toml"). A value that is a path of a
+    /// file in the page's folder is best given in `files`.
     pub made: Vec<(String, String)>,
     /// Files to point to, as paths relative to the page, each with what it is.
     pub files: Vec<(String, String)>,

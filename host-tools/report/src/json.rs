@@ -1,4 +1,5 @@
-//! The evaluation as JSON, for programs. Its keys are stable: a new one may come, none goes or changes its meaning.
+//! The evaluation as JSON, for programs. Its keys are stable: a new one may come, none goes or changes its
+//! meaning.
 
 use serde::Serialize;
 

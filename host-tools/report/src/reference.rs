@@ -1,8 +1,9 @@
 //! The truth as a CSV file: `frame,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg`, one row a frame.
 //!
-//! Columns may stand in any order, others are ignored. `x_mm` or `x [mm]` are as good as `dx_mm`, `roll (°)` as
-//! `roll_deg`; a name without its unit is not, for nobody can tell millimetres from metres. A row whose six cells are
-//! all empty says that the frame has no truth: an exported ride can be the reference of another.
+//! Columns may stand in any order, others are ignored. `x_mm` or `x [mm]` are as good as `dx_mm`, `roll (°)`
+//! as `roll_deg`; a name without its unit is not, for nobody can tell millimetres from metres. A row whose
+//! six cells are all empty says that the frame has no truth: an exported ride can be the reference of
+//! another.
 
 use std::collections::BTreeMap;
 use std::path::Path;

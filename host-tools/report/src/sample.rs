@@ -1,4 +1,5 @@
-//! What an evaluation takes: one sample a frame, and the six degrees of freedom with their limits (thesis 1.3).
+//! What an evaluation takes: one sample a frame, and the six degrees of freedom with their limits (thesis
+//! 1.3).
 
 use gangway_wire::{Pose, PoseFlags};
 

@@ -19,8 +19,8 @@ pub struct Deviation {
     pub limit: f64,
     /// Whether `max` is within it.
     pub within_limit: bool,
-    /// Shares (0 to 1) of the frames that deviate by at most 1, 2 and 3 of their own stated standard deviations;
-    /// `None` where no frame states one.
+    /// Shares (0 to 1) of the frames that deviate by at most 1, 2 and 3 of their own stated standard
+    /// deviations; `None` where no frame states one.
     pub within_sigma: Option<[f64; 3]>,
 }
 

@@ -1,17 +1,19 @@
-//! Synchronisation with a reference recorder (thesis 5.4.2): the start of motion in both gives a first offset, the
-//! correlation of the motions a fine one, with its uncertainty.
+//! Synchronisation with a reference recorder (thesis 5.4.2): the start of motion in both gives a first
+//! offset, the correlation of the motions a fine one, with its uncertainty.
 //!
-//! The recorder has its own rate and its own clock. What is found is where on the recorder's clock each frame was taken:
+//! The recorder has its own rate and its own clock. What is found is where on the recorder's clock each frame
+//! was taken:
 //!
 //! ```text
 //! recorder time = box time - offset - drift (box time - middle)
 //! ```
 //!
-//! The fine alignment makes the slope of the measured motion uncorrelated with the deviation, which is the maximum of the
-//! correlation of the two motions. The slope is the measured motion's own: the recorder's noise then adds to the
-//! deviation alone, and its interpolation between samples draws the offset nowhere. A constant and a small multiple of
-//! each degree of freedom are estimated along, so that what is systematic (a misaligned frame, a scale) does not pass
-//! for time. The uncertainty comes from the deviations as they are, correlated in time or not (Newey and West 1987).
+//! The fine alignment makes the slope of the measured motion uncorrelated with the deviation, which is the
+//! maximum of the correlation of the two motions. The slope is the measured motion's own: the recorder's
+//! noise then adds to the deviation alone, and its interpolation between samples draws the offset nowhere. A
+//! constant and a small multiple of each degree of freedom are estimated along, so that what is systematic (a
+//! misaligned frame, a scale) does not pass for time. The uncertainty comes from the deviations as they are,
+//! correlated in time or not (Newey and West 1987).
 #![allow(
     clippy::needless_range_loop,
     reason = "sums over the six degrees of freedom read best with the indices of the formula"
@@ -41,12 +43,13 @@ const LEAST_CORRELATION: f64 = 0.7;
 /// How a recorder's clock stands to the box's.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Alignment {
-    /// Box time (since the session's first frame) less recorder time (since its first row) in the middle of the
-    /// frames, s.
+    /// Box time (since the session's first frame) less recorder time (since its first row) in the middle of
+    /// the frames, s.
     pub offset_s: f64,
     /// Its standard deviation, s.
     pub offset_sigma_s: f64,
-    /// By how much the recorder's clock is slow against the box's, in millionths: its time passes that much less.
+    /// By how much the recorder's clock is slow against the box's, in millionths: its time passes that much
+    /// less.
     pub drift_ppm: f64,
     /// Its standard deviation; crystals are taken to agree within 100 before anything is measured.
     pub drift_sigma_ppm: f64,

@@ -164,7 +164,8 @@ pub(crate) fn kept(is: bool) -> &'static str {
     if is { "kept" } else { "NOT kept" }
 }
 
-/// Decimals for `i`'s block of three (mm or degrees): three digits for its largest number, two for its smallest.
+/// Decimals for `i`'s block of three (mm or degrees): three digits for its largest number, two for its
+/// smallest.
 pub(crate) fn block_digits(i: usize, value: impl Fn(usize) -> f64) -> usize {
     let start = i / 3 * 3;
     let digits: Vec<usize> = (start..start + 3).map(value).filter(|v| *v > 0.0).map(digits_for).collect();

@@ -116,7 +116,8 @@ fn frames_without_a_pose_are_counted_and_so_is_the_longest_stretch_of_them() {
             sample
         })
         .to_vec();
-    // The reference lacks frame 9, and has 6 and 7, which the session lost, and 0 and 20, which lie outside of it.
+    // The reference lacks frame 9, and has 6 and 7, which the session lost, and 0 and 20, which lie outside
+    // of it.
     let reference =
         Reference::new("truth.csv", [0, 1, 2, 3, 4, 5, 6, 7, 8, 20].map(|f| (f, [0.0; 6]))).unwrap();
     let frames = evaluate("ride", &samples, Some(&reference)).unwrap().frames;
@@ -219,7 +220,8 @@ fn the_picture_of_a_long_ride_stays_small() {
     let (samples, reference) = ride(120_000);
     let evaluation = evaluate("forty minutes", &samples, Some(&reference)).unwrap();
     for picture in [plots::motions(&evaluation), plots::deviations(&evaluation).unwrap()] {
-        // Two points a column, 1,400 columns, four series at most, six panels, 8 to 10 bytes a point, and the fonts.
+        // Two points a column, 1,400 columns, four series at most, six panels, 8 to 10 bytes a point, and the
+        // fonts.
         assert!(picture.svg().len() < 800_000, "{} bytes", picture.svg().len());
     }
 }

@@ -1,4 +1,5 @@
-//! Files of the report. Each is written under a temporary name, then renamed: no half-written file is ever seen.
+//! Files of the report. Each is written under a temporary name, then renamed: no half-written file is ever
+//! seen.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

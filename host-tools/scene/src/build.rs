@@ -58,7 +58,8 @@ pub(crate) struct CameraNumbers {
     pub(crate) principal: [f64; 2],
     pub(crate) skew: f64,
     pub(crate) distortion: [f64; 5],
-    /// Its place in CB_02 at rest, mm, and roll, pitch, yaw, degrees, as far off as the scene says, if the setup tells it.
+    /// Its place in CB_02 at rest, mm, and roll, pitch, yaw, degrees, as far off as the scene says, if the
+    /// setup tells it.
     pub(crate) place: Option<[[f64; 3]; 2]>,
 }
 
@@ -515,8 +516,8 @@ fn occluders(file: &SceneFile, [width, height]: [u32; 2]) -> Result<Vec<Occluder
     Ok(all)
 }
 
-/// A person who comes in from one side, stands and goes on to the other: head, trunk and two legs. The feet are below
-/// the picture.
+/// A person who comes in from one side, stands and goes on to the other: head, trunk and two legs. The feet
+/// are below the picture.
 fn person(
     table: &PersonTable,
     at: &str,

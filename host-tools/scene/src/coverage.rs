@@ -1,10 +1,11 @@
 //! How much of a small square lies on one side of an edge: exact for a straight edge, so that a curved one,
 //! taken as its tangent in each of a pixel's cells, is exact to the third order of the cell's side.
 
-/// How a pixel gathers light: cells along each of its axes (middle in px from the pixel's, weight) and their side.
+/// How a pixel gathers light: cells along each of its axes (middle in px from the pixel's, weight) and their
+/// side.
 ///
-/// Areas of a pixel's own square alias: the centroid of a sharp ring is up to 0.001 px off on any grid of pixels.
-/// A lens blurs before the pixels sample; where there is blur enough, its first part is taken here.
+/// Areas of a pixel's own square alias: the centroid of a sharp ring is up to 0.001 px off on any grid of
+/// pixels. A lens blurs before the pixels sample; where there is blur enough, its first part is taken here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Aperture {
     cells: [(f64, f64); 4],
@@ -46,8 +47,9 @@ impl Aperture {
         self.sum(|right, down| half_plane(inside + a * right + b * down, self.side * a, self.side * b))
     }
 
-    /// Share of the light that comes from inside a circle. `from_centre` is the pixel's middle relative to the
-    /// circle's, `per_px` how that changes with the pixel (columns: right, down); `radius` in the same unit.
+    /// Share of the light that comes from inside a circle. `from_centre` is the pixel's middle relative to
+    /// the circle's, `per_px` how that changes with the pixel (columns: right, down); `radius` in the same
+    /// unit.
     pub(crate) fn disc(&self, from_centre: [f64; 2], per_px: &[[f64; 2]; 2], radius: f64) -> f64 {
         self.sum(|right, down| {
             let x = from_centre[0] + per_px[0][0] * right + per_px[0][1] * down;
@@ -93,8 +95,8 @@ mod tests {
         assert_eq!(half_plane(0.0, 1.0, 0.3), 0.5);
         assert_eq!(half_plane(0.25, 1.0, 0.0), 0.75);
         assert_eq!(half_plane(-0.25, 0.0, -1.0), 0.25);
-        // The diagonal x + y = 0.5 from the lower left corner of the unit square cuts off 1/8: its middle lies
-        // half way out.
+        // The diagonal x + y = 0.5 from the lower left corner of the unit square cuts off 1/8: its middle
+        // lies half way out.
         assert!((half_plane(-0.5, 1.0, 1.0) - 0.125).abs() < 1e-15);
         assert_eq!(half_plane(2.0, 1.0, 0.5), 1.0);
         assert_eq!(half_plane(-2.0, 1.0, 0.5), 0.0);

@@ -329,8 +329,8 @@ pub(crate) struct ShakeTable {
     pub(crate) turn_deg: [f64; 3],
 }
 
-/// What goes into the written setup: whether the targets have seeds, how far off the camera's place is told if it is told
-/// at all, and tables as they are.
+/// What goes into the written setup: whether the targets have seeds, how far off the camera's place is told
+/// if it is told at all, and tables as they are.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SetupTables {

@@ -18,7 +18,8 @@ pub(crate) enum LampDrive {
     Steady {
         lit: bool,
     },
-    /// Every other frame from the first or the second on, switched midway between two frames and so much later.
+    /// Every other frame from the first or the second on, switched midway between two frames and so much
+    /// later.
     Alternate {
         starts_dark: bool,
         delay_s: f64,
@@ -37,7 +38,8 @@ impl LampDrive {
 }
 
 impl Lamp {
-    /// Share of the time from `from` to `to`, seconds, in which they shine; at one moment where both are the same.
+    /// Share of the time from `from` to `to`, seconds, in which they shine; at one moment where both are the
+    /// same.
     pub(crate) fn lit_share(&self, from: f64, to: f64) -> f64 {
         let mut times: Vec<f64> = self.switches_s.clone();
         if let LampDrive::Alternate { delay_s, rate_hz, .. } = self.drive {
@@ -89,7 +91,8 @@ mod tests {
 
     #[test]
     fn a_late_switch_falls_into_the_exposure() {
-        // 10 ms after the frame's middle and 8 later: 2 ms before the end of the next one's exposure of 8 ms less 4.
+        // 10 ms after the frame's middle and 8 later: 2 ms before the end of the next one's exposure of 8 ms
+        // less 4.
         let lamp = alternating(0.012);
         let share = lamp.lit_share(0.020 - 0.004, 0.020 + 0.004);
         assert!((share - 0.75).abs() < 1e-9, "{share}");

@@ -1,5 +1,6 @@
-//! Simulated rides: a scene file says what camera looks at what targets, how they move, in what light and what
-//! passes in front; out come frames with noise, the exact truth and the setup file for a box that watches them.
+//! Simulated rides: a scene file says what camera looks at what targets, how they move, in what light and
+//! what passes in front; out come frames with noise, the exact truth and the setup file for a box that
+//! watches them.
 //!
 //! The projection code here is the simulator's own, so that it can judge the firmware: nothing of `firmware/`
 //! is used. Conventions of frames, signs and units are those of the whole project (thesis 1.2, 3.3, 3.4).
@@ -39,8 +40,8 @@ pub use error::SceneError;
 pub use output::{Format, Written};
 pub use scene::{Scene, Truth};
 
-/// The scenes that are built in: name and text. After the two of every day come those of the thesis' experiments
-/// (chapter 5; 2a is `rig`).
+/// The scenes that are built in: name and text. After the two of every day come those of the thesis'
+/// experiments (chapter 5; 2a is `rig`).
 pub const BUILTIN: [(&str, &str); 7] = [
     ("rig", include_str!("../scenes/rig.toml")),
     ("ride", include_str!("../scenes/ride.toml")),

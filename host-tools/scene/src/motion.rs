@@ -42,8 +42,8 @@ pub(crate) enum Term {
         /// Seconds.
         to: f64,
     },
-    /// Stop and go: a change by `size` at once at the start and after every `every` seconds, `steps` times (the
-    /// photographs at standstill of thesis 5.3).
+    /// Stop and go: a change by `size` at once at the start and after every `every` seconds, `steps` times
+    /// (the photographs at standstill of thesis 5.3).
     Stairs {
         /// One step, mm or degrees.
         size: f64,

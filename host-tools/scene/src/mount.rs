@@ -1,5 +1,5 @@
-//! How the camera leaves its place on its own carbody: knocked out of it at a time, or shaking about it. The motion of
-//! the carbodies, which is the truth, knows nothing of that.
+//! How the camera leaves its place on its own carbody: knocked out of it at a time, or shaking about it. The
+//! motion of the carbodies, which is the truth, knows nothing of that.
 
 use crate::motion::{Motions, Term};
 use crate::optics::{Pose, add, apply, multiply, rotation, scale, transpose};
@@ -25,11 +25,11 @@ impl Mount {
         sum
     }
 
-    /// A pose as the camera sees it at a time, from the pose that it would see in its place; `rest` is that of its own
-    /// carbody (or of one aligned with it).
+    /// A pose as the camera sees it at a time, from the pose that it would see in its place; `rest` is that
+    /// of its own carbody (or of one aligned with it).
     ///
-    /// A point X of the carbody, from the camera's place, is seen at `B (X - shift)` turned back: `B T^T (X - shift)`
-    /// with the camera turned by T about its own middle.
+    /// A point X of the carbody, from the camera's place, is seen at `B (X - shift)` turned back: `B T^T (X -
+    /// shift)` with the camera turned by T about its own middle.
     pub(crate) fn seen(&self, pose: &Pose, rest: &Pose, t: f64) -> Pose {
         if self.is_firm() {
             return *pose;

@@ -13,7 +13,8 @@ pub(crate) struct Occluder {
     pub(crate) level: f64,
 }
 
-/// Where on a path (seconds, u, v) something is at a time, px; nothing before its first and after its last point.
+/// Where on a path (seconds, u, v) something is at a time, px; nothing before its first and after its last
+/// point.
 pub(crate) fn place(path: &[[f64; 3]], t: f64) -> Option<[f64; 2]> {
     let (first, last) = (path.first()?, path.last()?);
     if t < first[0] || t > last[0] {

@@ -85,8 +85,8 @@ impl Pose {
         Self { rotation, translation: scale(&apply(&rotation, position), -1.0) }
     }
 
-    /// This rest pose after a motion of the carbody by `displacement` (mm) and `turn`, both in the rest frame:
-    /// `R_t = R0 dR`, `t_t = t0 + R0 d` (thesis 3.22 solved for the moved pose).
+    /// This rest pose after a motion of the carbody by `displacement` (mm) and `turn`, both in the rest
+    /// frame: `R_t = R0 dR`, `t_t = t0 + R0 d` (thesis 3.22 solved for the moved pose).
     pub(crate) fn moved(&self, displacement: &Vec3, turn: &Mat3) -> Self {
         Self {
             rotation: multiply(&self.rotation, turn),

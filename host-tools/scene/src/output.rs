@@ -1,5 +1,5 @@
-//! A scene on disk: frames as Y4M or PNG, `truth.csv`, `setup.toml`. Each is written under a temporary name and
-//! renamed when all are complete; what fails on the way takes its temporary files with it.
+//! A scene on disk: frames as Y4M or PNG, `truth.csv`, `setup.toml`. Each is written under a temporary name
+//! and renamed when all are complete; what fails on the way takes its temporary files with it.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};

@@ -1,4 +1,5 @@
-//! Light in a part of the picture: a low sun that falls on some of it, and a lamp mirrored in a wall or a pane.
+//! Light in a part of the picture: a low sun that falls on some of it, and a lamp mirrored in a wall or a
+//! pane.
 
 use crate::occluder::place;
 

@@ -1,5 +1,6 @@
-//! Targets: a white sheet with black rings, or a black one with discs that shine (thesis 3.2), drawn by taking every pixel's ray back to the
-//! sheet's plane. Pixels that an edge cuts get the exact share of their light (see `coverage`).
+//! Targets: a white sheet with black rings, or a black one with discs that shine (thesis 3.2), drawn by
+//! taking every pixel's ray back to the sheet's plane. Pixels that an edge cuts get the exact share of their
+//! light (see `coverage`).
 
 use crate::coverage::Aperture;
 use crate::optics::{Lens, Mat3, NEAREST_MM, Pose, Ray, Vec3, add, apply, inverse, scale, transpose};
@@ -140,8 +141,8 @@ impl<'a> View<'a> {
         Some(Self { plate, to_plane, lit, sheet, rings, aperture, depth })
     }
 
-    /// Draws one row of pixels: `row` is the picture's row, `canvas` its reflectances from column `left` on, and `glow`,
-    /// where there is one, the share in which a lit disc shines.
+    /// Draws one row of pixels: `row` is the picture's row, `canvas` its reflectances from column `left` on,
+    /// and `glow`, where there is one, the share in which a lit disc shines.
     pub(crate) fn draw_row(
         &self,
         row: i32,

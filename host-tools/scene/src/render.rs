@@ -87,8 +87,8 @@ impl<'a> Studio<'a> {
         self.shoot_at(f64::from(frame) / self.parts.rate_hz, frame)
     }
 
-    /// What a row of a rolling shutter sees, at its own time. The blur spreads rows as they are, each of its time: over
-    /// the few rows of its reach nothing moves that could be seen.
+    /// What a row of a rolling shutter sees, at its own time. The blur spreads rows as they are, each of its
+    /// time: over the few rows of its reach nothing moves that could be seen.
     fn shoot_row(&self, frame: u32, row: i32) -> Shot<'a> {
         let later = f64::from(row) - 0.5 * (f64::from(self.parts.size[1]) - 1.0);
         self.shoot_at(f64::from(frame) / self.parts.rate_hz + later * self.parts.line_time_s, frame)
@@ -215,7 +215,8 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Sum of a kernel's terms down the columns about row `i` of a band whose first row is the kernel's reach above it.
+/// Sum of a kernel's terms down the columns about row `i` of a band whose first row is the kernel's reach
+/// above it.
 fn blur_column(kernel: &[f32], rows: &[f32], i: usize, out: &mut [f32]) {
     let (reach, width) = (kernel.len() - 1, out.len());
     let at = |row: usize| &rows[row * width..(row + 1) * width];

@@ -171,7 +171,8 @@ impl Scene {
         plates.map(of_plate).collect()
     }
 
-    /// Whether something stands before any of the square of half side `half_px` about a place, px, at mid-exposure.
+    /// Whether something stands before any of the square of half side `half_px` about a place, px, at
+    /// mid-exposure.
     pub fn is_covered(&self, frame: u32, place: [f64; 2], half_px: f64) -> bool {
         let t = self.time_s(frame);
         self.parts.occluders.iter().any(|occluder| occluder.covers(t, place, half_px))
@@ -199,14 +200,14 @@ impl Scene {
         text
     }
 
-    /// The setup file for a box that watches this scene: camera and targets as the scene file has them, seeds as
-    /// they show. What was rendered differs from it by the scene's tolerances.
+    /// The setup file for a box that watches this scene: camera and targets as the scene file has them, seeds
+    /// as they show. What was rendered differs from it by the scene's tolerances.
     pub fn setup_text(&self) -> String {
         self.setup_text_of(&|_, _| true)
     }
 
-    /// The same for a box that knows only the circles chosen by target and circle on it, both from 0; the others
-    /// show, but are not looked for.
+    /// The same for a box that knows only the circles chosen by target and circle on it, both from 0; the
+    /// others show, but are not looked for.
     pub fn setup_text_of(&self, chosen: &dyn Fn(usize, usize) -> bool) -> String {
         setup::text(&self.name, &self.nominal, &self.parts, &self.tables, chosen)
     }

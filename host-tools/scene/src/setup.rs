@@ -29,8 +29,8 @@ pub(crate) fn seeds(parts: &Parts, plate: &Plate) -> Option<Vec<[f64; 2]>> {
         .collect()
 }
 
-/// The file's text: `parts` as its owner believes them to be, seeds from what is `seen`. `chosen` tells of a target
-/// (from 0) and its circle whether the box is to know it; a target without one is left out.
+/// The file's text: `parts` as its owner believes them to be, seeds from what is `seen`. `chosen` tells of a
+/// target (from 0) and its circle whether the box is to know it; a target without one is left out.
 pub(crate) fn text(
     name: &str,
     parts: &Parts,

@@ -1,5 +1,5 @@
-//! A motion as a table of six columns (x, y, z in mm, roll, pitch, yaw in degrees), a line a frame; a header and a first
-//! column `frame` may be there, so that a truth file moves a scene again.
+//! A motion as a table of six columns (x, y, z in mm, roll, pitch, yaw in degrees), a line a frame; a header
+//! and a first column `frame` may be there, so that a truth file moves a scene again.
 
 use std::path::Path;
 

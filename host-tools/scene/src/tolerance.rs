@@ -1,5 +1,6 @@
-//! What differs between the drawing and the thing: printing, mounting, calibration. The scene file and the setup
-//! say what was meant; what is rendered was printed, mounted and built a little otherwise (thesis 4.2.4, 5.3.1, 5.7).
+//! What differs between the drawing and the thing: printing, mounting, calibration. The scene file and the
+//! setup say what was meant; what is rendered was printed, mounted and built a little otherwise (thesis
+//! 4.2.4, 5.3.1, 5.7).
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};

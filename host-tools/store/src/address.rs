@@ -1,4 +1,5 @@
-//! Where bytes come from, as a person writes it: `tcp://`, `tcp-listen://`, `udp://`, `serial:`, `file:`, `-`.
+//! Where bytes come from, as a person writes it: `tcp://`, `tcp-listen://`, `udp://`, `serial:`, `file:`,
+//! `-`.
 
 use std::fmt;
 use std::path::PathBuf;

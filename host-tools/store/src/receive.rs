@@ -1,5 +1,5 @@
-//! From a source into sessions: every byte is written as it came, decoded once on the way, and a new session of
-//! the box begins a new folder.
+//! From a source into sessions: every byte is written as it came, decoded once on the way, and a new session
+//! of the box begins a new folder.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,8 +64,8 @@ impl Receiver {
         self.source.local_address()
     }
 
-    /// Receives until the end, or until `stop`. `say` gets what a person should know meanwhile; `done` every session
-    /// when it is over.
+    /// Receives until the end, or until `stop`. `say` gets what a person should know meanwhile; `done` every
+    /// session when it is over.
     ///
     /// # Errors
     /// A full disk, a source that fails for good. What was received is kept.
@@ -177,7 +177,8 @@ impl<'p> Ingest<'p> {
                     (None, none) => *none = Some(SessionWriter::create(self.into, &self.from, Some(hello))?),
                     (Some(_), _) => {
                         let next = SessionWriter::create(self.into, &self.from, Some(hello))?;
-                        // The old session ends before this record; the new one begins with it, counted from zero.
+                        // The old session ends before this record; the new one begins with it, counted from
+                        // zero.
                         let line = self.waiting.split_off((found.start - self.written) as usize);
                         self.write(self.waiting.len(), &mut entries)?;
                         if let Some(one) = self.close("another session began", before, 0)? {
@@ -217,8 +218,9 @@ impl<'p> Ingest<'p> {
         Ok(())
     }
 
-    /// Somebody connected: a record that the last connection left unfinished ends here. The delimiter is the one byte
-    /// in a stream that was not received; without it the next record would be lost with the unfinished one.
+    /// Somebody connected: a record that the last connection left unfinished ends here. The delimiter is the
+    /// one byte in a stream that was not received; without it the next record would be lost with the
+    /// unfinished one.
     fn separate(&mut self) -> Result<(), StoreError> {
         if self.unfinished() > 0 {
             self.take(&[0], &mut |_| ())?;

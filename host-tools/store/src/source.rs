@@ -1,5 +1,5 @@
-//! Bytes from a line, a socket or a file. A source never waits longer than [`WAIT`], says when somebody comes or
-//! goes, and goes on trying by itself where that makes sense.
+//! Bytes from a line, a socket or a file. A source never waits longer than [`WAIT`], says when somebody comes
+//! or goes, and goes on trying by itself where that makes sense.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};

@@ -1,5 +1,5 @@
-//! Error and stated uncertainty against the bound that the centres' covariances set (Cramer and Rao): the inverse of
-//! `J^T W J`, with the derivative taken here by differences and not from the solver.
+//! Error and stated uncertainty against the bound that the centres' covariances set (Cramer and Rao): the
+//! inverse of `J^T W J`, with the derivative taken here by differences and not from the solver.
 
 use gangway_pose::{Observation, Pose, Settings, solve};
 use nalgebra::{Matrix2, Matrix6, SMatrix, Vector3};

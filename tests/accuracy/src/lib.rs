@@ -1,5 +1,6 @@
-//! Each claim about centres and pose, simulated: a function that gives the figures of one case and one seed, and a table
-//! over all of them. `cargo run --release -p accuracy` prints the tables, the tests assert them in short.
+//! Each claim about centres and pose, simulated: a function that gives the figures of one case and one seed,
+//! and a table over all of them. `cargo run --release -p accuracy` prints the tables, the tests assert them
+//! in short.
 
 pub mod bound;
 pub mod centres;

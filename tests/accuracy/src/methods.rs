@@ -1,4 +1,5 @@
-//! Cold starts by each method: how often do they end in another pose than the best one, and what do they cost?
+//! Cold starts by each method: how often do they end in another pose than the best one, and what do they
+//! cost?
 
 use std::time::Instant;
 

@@ -18,7 +18,8 @@ pub enum Wrong {
     Far,
     /// Each is another circle, its nearest one.
     Neighbour,
-    /// All of them, wherever they are, are seen one spacing of the circles further: they agree with each other.
+    /// All of them, wherever they are, are seen one spacing of the circles further: they agree with each
+    /// other.
     Spacing,
     /// They are those of one target, and a poster beside it shows the same circles.
     Poster,
@@ -96,7 +97,8 @@ pub fn run(kind: Kind, circles: usize, wrong: Wrong, warm: bool, seed: u64, pose
     outcome
 }
 
-/// What a choice of circles leaves unexplained: squared errors, and 36 (six standard deviations) for each left out.
+/// What a choice of circles leaves unexplained: squared errors, and 36 (six standard deviations) for each
+/// left out.
 fn cost(set: &Set, observations: &[Observation], pose: &Pose, used: u64) -> f64 {
     let centres = set.centres(pose);
     let cost = |(i, (observation, at)): (usize, (&Observation, &[f64; 2]))| {

@@ -1,5 +1,6 @@
-//! The picture of one printed ring by its own projection: a camera that sees a tilted circle, edges by area, blur of the
-//! lens, light that slopes, noise of photons and of reading, whole grey levels. And what its pixels can tell at best.
+//! The picture of one printed ring by its own projection: a camera that sees a tilted circle, edges by area,
+//! blur of the lens, light that slopes, noise of photons and of reading, whole grey levels. And what its
+//! pixels can tell at best.
 
 use gangway_device::{Frame, Layout};
 use gangway_pose::{Circle, Lens, Pose, Projected, project_circle};
@@ -133,8 +134,8 @@ impl Scene {
         (hit - point).norm()
     }
 
-    /// The light on every pixel, share of full scale, not clipped: by parts of pixels, each by the share that the ring
-    /// covers of it, blurred.
+    /// The light on every pixel, share of full scale, not clipped: by parts of pixels, each by the share that
+    /// the ring covers of it, blurred.
     pub fn light(&self) -> Vec<f64> {
         let Conditions { blur_px, margin_px, diameter_px, .. } = self.conditions;
         let (size, fine) = (self.size, self.size * FINE);
@@ -149,7 +150,8 @@ impl Scene {
                 let at = |i: usize| (i as f64 + 0.5) * step - 0.5;
                 let (u, v) = (at(column), at(row));
                 let radius = self.radius(u, v);
-                // How much of the part lies within each edge, by its distance: radii grow by a few mm a pixel.
+                // How much of the part lies within each edge, by its distance: radii grow by a few mm a
+                // pixel.
                 let [sheet, outer, inner] =
                     radii.map(|edge| ((edge - radius) / (mm_per_px * step) + 0.5).clamp(0.0, 1.0));
                 *part = 0.3 + 0.7 * sheet - (1.0 - black) * (outer - inner);
@@ -209,9 +211,9 @@ impl Scene {
         Frame::new(bytes, size, bytes.len() / self.size, self.layout(), 0, 0).expect("whole rows")
     }
 
-    /// The least standard deviation per axis that any unbiased centre can have, px: Cramer and Rao's bound for the
-    /// centre beside eight unknowns - levels of white and black, both slopes of the light, both radii and the blur -
-    /// from all pixels that are not clipped.
+    /// The least standard deviation per axis that any unbiased centre can have, px: Cramer and Rao's bound
+    /// for the centre beside eight unknowns - levels of white and black, both slopes of the light, both radii
+    /// and the blur - from all pixels that are not clipped.
     pub fn bound_px(&self) -> f64 {
         let projected = self.projected();
         let mut information = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();

@@ -1,5 +1,5 @@
-//! One planar target near the frontal view: is the right one of its two poses kept through a ride, and is every frame
-//! marked in which it is not?
+//! One planar target near the frontal view: is the right one of its two poses kept through a ride, and is
+//! every frame marked in which it is not?
 
 use gangway_pose::{
     PlaneHistory, Pose, RestPose, Settings, Solution, moved, relative_motion, rest_mean, solve, untangle,
@@ -34,7 +34,8 @@ pub struct Outcome {
     pub flips: u32,
     /// Of these not marked.
     pub unmarked: u32,
-    /// Motions beyond their stated uncertainty (one in 10,000) and not marked, neither the frame nor its rest pose.
+    /// Motions beyond their stated uncertainty (one in 10,000) and not marked, neither the frame nor its rest
+    /// pose.
     pub beyond: u32,
     /// Rest poses turned over and not marked: 0 or 1.
     pub rest_unmarked: u32,
@@ -50,8 +51,8 @@ pub fn seven() -> Set {
     Set { lens: lens(), targets: vec![0; points.len()], points, rest }
 }
 
-/// Rides for `frames`: at rest first, `tilt_deg` from the frontal view, then swaying with up to 4 degrees to either
-/// side and 2 up and down.
+/// Rides for `frames`: at rest first, `tilt_deg` from the frontal view, then swaying with up to 4 degrees to
+/// either side and 2 up and down.
 pub fn run(sigma_px: f64, tilt_deg: f64, seed: u64, frames: usize) -> Outcome {
     let set = seven();
     let mut random = Random::new(seed);

@@ -1,4 +1,5 @@
-//! Centres that scatter more than their covariances say, as on compressed video: is the stated uncertainty true again?
+//! Centres that scatter more than their covariances say, as on compressed video: is the stated uncertainty
+//! true again?
 
 use gangway_pose::{Observation, Settings, solve};
 use rayon::prelude::*;
@@ -8,8 +9,8 @@ use crate::sets::{Kind, Set, a_frame_before};
 use crate::statistics::{median, squared_error};
 use crate::table::Table;
 
-/// Mean normalised squared error of `poses` pictures whose centres are `factor` times further off than they say;
-/// 6 is true, and without any scaling it would be 6 times the factor squared.
+/// Mean normalised squared error of `poses` pictures whose centres are `factor` times further off than they
+/// say; 6 is true, and without any scaling it would be 6 times the factor squared.
 pub fn run(kind: Kind, circles: usize, factor: f64, seed: u64, poses: u32) -> f64 {
     let set = Set::rig(kind, circles);
     let mut random = Random::new(seed);

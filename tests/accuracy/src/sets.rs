@@ -1,5 +1,5 @@
-//! The sets of circles that the proofs are about: the thesis' test rig (5.4) with its four 7-CCC, one of them set
-//! back, and what is in one plane, seen by its 1080p camera of f = 18 mm.
+//! The sets of circles that the proofs are about: the thesis' test rig (5.4) with its four 7-CCC, one of them
+//! set back, and what is in one plane, seen by its 1080p camera of f = 18 mm.
 
 use gangway_pose::{Lens, Pose, moved, rotation};
 use nalgebra::{Matrix3, Vector3};

@@ -28,7 +28,8 @@ pub struct Outcome {
     pub squared: f64,
 }
 
-/// Sways sideways with up to 1 m/s and about the vertical axis with up to 20 degrees/s, both at `hz`, for `frames`.
+/// Sways sideways with up to 1 m/s and about the vertical axis with up to 20 degrees/s, both at `hz`, for
+/// `frames`.
 pub fn run(line_time_us: f64, exposure_ms: f64, hz: f64, seed: u64, frames: usize) -> Outcome {
     let set = Set::ride();
     let mut random = Random::new(seed);

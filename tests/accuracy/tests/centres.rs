@@ -1,4 +1,5 @@
-//! The claims about centres, asserted in short form; `cargo run --release -p accuracy centres` prints the whole table.
+//! The claims about centres, asserted in short form; `cargo run --release -p accuracy centres` prints the
+//! whole table.
 
 use accuracy::centres::{Outcome, own_bias, run};
 use accuracy::picture::Conditions;
@@ -67,7 +68,8 @@ fn a_ring_whose_edges_blur_joins_states_what_its_centre_is_worth() {
     // Its hole is five pixels, which noise closes at times: 2.5 %.
     assert!(refused <= 20, "{refused} of 400 refused");
     let worst = outcomes.iter().map(|o| o.squared).fold(0.0, f64::max);
-    // Dark beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too little.
+    // Dark beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too
+    // little.
     assert!(worst < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{worst}");
     let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
     assert!(over_bound < 1.5, "{over_bound}");

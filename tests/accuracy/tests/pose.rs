@@ -1,11 +1,13 @@
-//! The claims about the pose, asserted in short form; `cargo run --release -p accuracy` prints the whole tables.
+//! The claims about the pose, asserted in short form; `cargo run --release -p accuracy` prints the whole
+//! tables.
 
 use accuracy::outliers::{self, Outcome, Wrong};
 use accuracy::sets::Kind;
 use accuracy::{bound, methods, plane, scatter, shutter};
 use gangway_pose::Method;
 
-/// Six, the mean of a true normalised squared error, within 15 %: the claim. The mean over 600 scatters by 2.4 %.
+/// Six, the mean of a true normalised squared error, within 15 %: the claim. The mean over 600 scatters by
+/// 2.4 %.
 const TRUE: std::ops::Range<f64> = 6.0 * 0.85..6.0 * 1.15;
 
 fn sum(outcomes: &[Outcome], part: impl Fn(&Outcome) -> u32) -> u32 {
@@ -20,8 +22,8 @@ fn three_in_ten_wrong_circles_leave_the_pose_within_its_uncertainty_and_are_name
                 let case = format!("{circles} circles, {kind:?}, {wrong:?}");
                 let outcomes = [false, true].map(|warm| outliers::run(kind, circles, wrong, warm, 3, 60));
                 assert_eq!(sum(&outcomes, |o| o.refused), 0, "{case}");
-                // What fits the picture as well as the truth does cannot be told from it: it takes a wrong circle near
-                // by of few that hold a degree of freedom.
+                // What fits the picture as well as the truth does cannot be told from it: it takes a wrong
+                // circle near by of few that hold a degree of freedom.
                 let beyond = sum(&outcomes, |o| o.beyond - o.marked - o.undecidable);
                 assert_eq!(beyond, 0, "{case}");
                 let undecidable = sum(&outcomes, |o| o.undecidable);
@@ -61,7 +63,8 @@ fn one_wrong_circle_of_five_or_six_is_out_or_covered_wherever_the_picture_tells(
             for circles in [5, 6] {
                 let case = format!("{circles} circles, {kind:?}, {wrong:?}");
                 let outcomes = [false, true].map(|warm| outliers::run(kind, circles, wrong, warm, 7, 300));
-                // Of four circles left in a plane the profile of the tilt is a bent valley: one in a thousand.
+                // Of four circles left in a plane the profile of the tilt is a bent valley: one in a
+                // thousand.
                 assert!(sum(&outcomes, |o| o.beyond - o.marked - o.undecidable) <= 1, "{case}: {outcomes:?}");
                 // A set-back circle 2 px off is another pose's right one: 3.4 % at five.
                 assert!(sum(&outcomes, |o| o.undecidable) <= 36, "{case}: {outcomes:?}");
@@ -73,8 +76,9 @@ fn one_wrong_circle_of_five_or_six_is_out_or_covered_wherever_the_picture_tells(
 
 #[test]
 fn a_plane_that_merges_with_its_mirror_image_is_as_uncertain_as_it_says() {
-    // At 0.05 and 0.1 px one 7-CCC at 4.5 m and 1 degree has one pose in many frames, and no second to be marked by.
-    // A rest pose of ten such pictures shares their error and is surer than they are: up to 0.5 %, linearised 2 to 4 %.
+    // At 0.05 and 0.1 px one 7-CCC at 4.5 m and 1 degree has one pose in many frames, and no second to be
+    // marked by. A rest pose of ten such pictures shares their error and is surer than they are: up to 0.5 %,
+    // linearised 2 to 4 %.
     for sigma_px in [0.02, 0.05, 0.1] {
         let outcome = plane::run(sigma_px, 1.0, 5, 1500);
         assert!(outcome.beyond <= 8, "{sigma_px} px: {outcome:?}");
@@ -151,7 +155,8 @@ fn where_centres_scatter_more_than_they_say_the_pose_says_so_too() {
         for circles in [7, 15, 28] {
             let white = scatter::run(kind, circles, 1.0, 1, 600);
             assert!(TRUE.contains(&white), "{circles}, {kind:?}: {white} where nothing is to be scaled");
-            // 150 unscaled. The factor is an estimate: with eight degrees of freedom its mean has a long tail.
+            // 150 unscaled. The factor is an estimate: with eight degrees of freedom its mean has a long
+            // tail.
             let scaled = scatter::run(kind, circles, 5.0, 1, 600);
             assert!((4.5..8.0).contains(&scaled), "{circles}, {kind:?}: {scaled}");
         }

@@ -49,6 +49,12 @@ pub enum SourceError {
         /// Frames before that place.
         before: u64,
     },
+    /// The file ends within its first picture.
+    #[error("{name} is cut off: it ends within its first frame; there is nothing to measure")]
+    NoWholeFrame {
+        /// The file.
+        name: String,
+    },
     /// No picture at all.
     #[error("{name} holds no frame")]
     Empty {

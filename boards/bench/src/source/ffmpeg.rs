@@ -146,7 +146,12 @@ fn pixel_format(path: &Path, program: &str) -> Result<&'static str, SourceError>
         None if said.contains("Input #0") => {
             Err(SourceError::Ffmpeg { name, line: "there is no video in it".into() })
         }
-        None => Err(SourceError::Ffmpeg { name, line: last_line(said.as_bytes()) }),
+        None => {
+            // It often begins with the name, which is said already.
+            let line = last_line(said.as_bytes());
+            let line = line.strip_prefix(&format!("{name}: ")).unwrap_or(&line).to_owned();
+            Err(SourceError::Ffmpeg { name, line })
+        }
     }
 }
 
@@ -249,7 +254,7 @@ mod tests {
 
         let silent = program(place.path(), "echo 'ride.mp4: Invalid data found' >&2; exit 1");
         let said = Ffmpeg::open(Path::new("ride.mp4"), &silent).err().unwrap().to_string();
-        assert_eq!(said, "ffmpeg cannot read ride.mp4: ride.mp4: Invalid data found");
+        assert_eq!(said, "ffmpeg cannot read ride.mp4: Invalid data found");
     }
 
     #[test]

@@ -5,7 +5,8 @@ use png::{BitDepth, ColorType, Transformations};
 
 use super::{Shape, to_little_endian};
 
-/// Reads a picture into `into` and tells whether it was in colour; the error says what is wrong with the file.
+/// Reads a picture into `into` and tells whether it was in colour; the error says what is wrong with the
+/// file.
 pub(super) fn read(bytes: &[u8], into: &mut Vec<u8>) -> Result<(Shape, bool), String> {
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     // Palettes and depths below 8 bit become plain samples.

@@ -44,8 +44,8 @@ pub(super) fn is_y4m(path: &Path) -> bool {
 
 /// A Y4M file or stream.
 ///
-/// Mono, 4:1:1, 4:2:0, 4:2:2 and 4:4:4 (with or without alpha), 8 bit, and 9 to 16 bit in little-endian words.
-/// Parameters of single frames are passed over.
+/// Mono, 4:1:1, 4:2:0, 4:2:2 and 4:4:4 (with or without alpha), 8 bit, and 9 to 16 bit in little-endian
+/// words. Parameters of single frames are passed over.
 pub struct Y4m {
     name: String,
     input: BufReader<Input>,
@@ -61,11 +61,22 @@ impl Y4m {
     /// Opens a file.
     ///
     /// # Errors
-    /// The file cannot be opened, or its head makes no sense.
+    /// The file cannot be opened, its head makes no sense, or it has not one whole frame.
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let name = path.display().to_string();
-        let file = File::open(path).map_err(|source| SourceError::Io { name: name.clone(), source })?;
-        Self::new(&name, Input::File(file))
+        let io = |source| SourceError::Io { name: name.clone(), source };
+        let file = File::open(path).map_err(io)?;
+        let kind = file.metadata().map_err(io)?;
+        let y4m = Self::new(&name, Input::File(file))?;
+        // The length of a pipe is not known before its end.
+        let behind_head = if kind.is_file() { kind.len().saturating_sub(y4m.header_bytes) } else { u64::MAX };
+        if behind_head == 0 {
+            return Err(SourceError::Empty { name });
+        }
+        if behind_head < y4m.shape.bytes() as u64 + y4m.chroma {
+            return Err(SourceError::NoWholeFrame { name });
+        }
+        Ok(y4m)
     }
 
     /// Reads a stream, which can be read once.

@@ -54,6 +54,7 @@ fn a_ride_without_rest_says_what_rest_takes() {
     let run = ride.program().args(["--frames", "ride.y4m", "--to", "file:ride.gw"]).assert().success();
     let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     assert!(said.contains("at least 10 frames at rest"), "{said}");
+    assert!(said.contains("seeds_px where it has some"), "{said}");
 }
 
 #[test]
@@ -87,7 +88,7 @@ fn a_session_begins_with_its_hello() {
     let ride = Ride::new(2);
     // One behind the other on a line without connections.
     play(&ride, "ride.gw", &["--session-id", "1"]);
-    let capture = play(&ride, "ride.gw", &["--session-id", "2"]);
+    let capture = play(&ride, "ride.gw", &["--session-id", "2", "--append"]);
     assert_eq!(capture.firsts, [kind::HELLO, kind::HELLO]);
 }
 

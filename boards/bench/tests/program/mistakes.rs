@@ -51,6 +51,18 @@ fn frames_of_another_size_than_the_setups_are_refused() {
 }
 
 #[test]
+fn a_capture_that_is_there_is_refused_and_stays_as_it_is() {
+    let ride = Ride::new(2);
+    std::fs::write(ride.path("ride.gw"), "a ride of long ago").unwrap();
+    assert_eq!(
+        fails(&ride, &["--frames", "ride.y4m", "--to", "file:ride.gw"]),
+        "gangway-bench: ride.gw holds something already, and is left as it is; give another name, or --append to \
+         go on in it\n"
+    );
+    assert_eq!(std::fs::read(ride.path("ride.gw")).unwrap(), b"a ride of long ago");
+}
+
+#[test]
 fn what_comes_before_a_cut_is_measured_and_sent() {
     let ride = Ride::new(5);
     let bytes = ride.bytes();
@@ -74,6 +86,13 @@ fn missing_and_empty_recordings_are_named() {
     std::fs::write(ride.path("head.y4m"), "YUV4MPEG2 W160 H120 Cmono\n").unwrap();
     let said = fails(&ride, &[&to[..], &["head.y4m"]].concat());
     assert!(said.contains("head.y4m holds no frame"), "{said}");
+    std::fs::write(ride.path("nothing.y4m"), "").unwrap();
+    let said = fails(&ride, &[&to[..], &["nothing.y4m"]].concat());
+    assert!(said.contains("nothing.y4m holds no frame"), "{said}");
+    std::fs::write(ride.path("short.y4m"), &ride.bytes()[..1_000]).unwrap();
+    let said = fails(&ride, &[&to[..], &["short.y4m"]].concat());
+    assert!(said.contains("short.y4m is cut off: it ends within its first frame"), "{said}");
+    assert!(!ride.path("a.gw").exists(), "what cannot be played leaves no capture");
 }
 
 #[test]

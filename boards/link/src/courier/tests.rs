@@ -140,7 +140,8 @@ fn sized(kind: u8, frame: u32, length: usize) -> Packet {
     packet
 }
 
-/// Plays 20 s at 50 frames/s over a line that takes `rate` bytes/s: poses and markers sent, and what the loop is told.
+/// Plays 20 s at 50 frames/s over a line that takes `rate` bytes/s: poses and markers sent, and what the loop
+/// is told.
 fn over_a_line_of(rate: usize) -> (usize, usize, u32, Carried) {
     const FRAMES: u32 = 1_000;
     let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());

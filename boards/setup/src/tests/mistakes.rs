@@ -197,6 +197,7 @@ fn every_kind_of_mistake_has_its_sentence() {
         ),
         ("rate_hz = 50.0", "rate_hz = fifty", "11: this is not TOML at fifty: "),
         ("name = \"ride\"", "name = \"ride", "6: this is not TOML: "),
+        ("rate_hz = 50.0", "rate_hz = [50.0", "12: this is not TOML: "),
         ("skew_px", "\nrate_hz = 2 #", "16: this is not TOML at rate_hz: duplicate key"),
     ];
     for (from, to, sentence) in cases {

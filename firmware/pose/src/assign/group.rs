@@ -1,6 +1,6 @@
-//! Rings that lie as the circles of one target do. A ring's ellipse says how its plane is stretched in the picture, all
-//! but the turn about the line of sight; the way to a neighbour adds that. So two rings and the circles that they are
-//! taken for say where the other circles of the target must show.
+//! Rings that lie as the circles of one target do. A ring's ellipse says how its plane is stretched in the
+//! picture, all but the turn about the line of sight; the way to a neighbour adds that. So two rings and the
+//! circles that they are taken for say where the other circles of the target must show.
 
 use heapless::Vec;
 
@@ -15,7 +15,8 @@ const NEAR: usize = 14;
 /// A ring for no circle.
 pub(crate) const NONE: u8 = u8::MAX;
 
-/// How far the length of the way to a neighbour may be off, as a share: the ellipse is measured to a few percent.
+/// How far the length of the way to a neighbour may be off, as a share: the ellipse is measured to a few
+/// percent.
 const LENGTH: f64 = 0.25;
 /// Largest ratio of the sizes (areas) of rings of one target.
 const SIZES: f64 = 1.6;
@@ -248,8 +249,8 @@ impl Stretch {
     }
 }
 
-/// The ordered pairs of circles whose way is as long as `way`, with the turn (cosine, sine, times the ratio of the
-/// lengths) that takes theirs to it.
+/// The ordered pairs of circles whose way is as long as `way`, with the turn (cosine, sine, times the ratio
+/// of the lengths) that takes theirs to it.
 fn fitting(plate: &Plate, way: [f64; 2]) -> impl Iterator<Item = (usize, usize, [f64; 2])> {
     let length2 = square(way[0]) + square(way[1]);
     let bounds = [square(1.0 - LENGTH), square(1.0 + LENGTH)].map(|share| share * length2);
@@ -294,8 +295,8 @@ fn fitted(plate: &Plate, group: &Group, rings: &[Sighting]) -> Option<Affine> {
     Some(Affine { at, by: [uu, uv, vu, vv] })
 }
 
-/// Keeps a group unless it is known; of two that are one, the larger. Rings that are a larger group of the same pattern
-/// are not also a smaller one: the five in the middle of seven lie as turned ones do.
+/// Keeps a group unless it is known; of two that are one, the larger. Rings that are a larger group of the
+/// same pattern are not also a smaller one: the five in the middle of seven lie as turned ones do.
 fn keep(groups: &mut Vec<Group, MAX_GROUPS>, group: Group) {
     let is_part = |small: &Group, large: &Group| {
         let within = |(_, ring): (usize, usize)| large.rings.contains(&(ring as u8));

@@ -21,8 +21,8 @@ pub(crate) struct Plate {
     pub(crate) first: usize,
     /// Its first circle, mm.
     pub(crate) origin: Vector3<f64>,
-    /// Columns: its axes in the carbody, e1 and e2 in its plane, e3 away from the camera. From the camera e1 to e2 turns
-    /// as u to v in the picture does.
+    /// Columns: its axes in the carbody, e1 and e2 in its plane, e3 away from the camera. From the camera e1
+    /// to e2 turns as u to v in the picture does.
     pub(crate) axes: Matrix3<f64>,
     /// The first plate that has the same pattern.
     pub(crate) kind: usize,

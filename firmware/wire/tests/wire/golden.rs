@@ -1,4 +1,5 @@
-//! Golden bytes: every record, field by field. They pin the wire; a change here breaks every capture ever made.
+//! Golden bytes: every record, field by field. They pin the wire; a change here breaks every capture ever
+//! made.
 //!
 //! The checksums were computed by zlib, so that they judge this crate.
 

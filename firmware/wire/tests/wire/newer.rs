@@ -21,8 +21,8 @@ fn event(number: u8, fields: &[u8]) -> Vec<u8> {
     body
 }
 
-/// What a decoder does that knows `Health` without its latencies: they are bytes behind the known fields. And the other
-/// way round: a record without them is whole.
+/// What a decoder does that knows `Health` without its latencies: they are bytes behind the known fields. And
+/// the other way round: a record without them is whole.
 #[test]
 fn health_of_a_box_that_did_not_count_latencies_is_whole() {
     let latency =

@@ -221,7 +221,8 @@ proptest! {
         kind in prop_oneof![0..12_u8, 126..132_u8], body in proptest::collection::vec(any::<u8>(), 0..250),
     ) {
         if let Ok((record, _)) = decode_body(kind, &body) {
-            // What was read can be written and is then read as the same: compared as bytes, for NaN is in it too.
+            // What was read can be written and is then read as the same: compared as bytes, for NaN is in it
+            // too.
             let mut once = [0; MAX_FRAME];
             let length = encode_body(&record, &mut once).unwrap();
             let (again, newer) = decode_body(kind, &once[..length]).unwrap();

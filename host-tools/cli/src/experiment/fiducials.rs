@@ -1,5 +1,5 @@
-//! Evaluations 2a and 2b (thesis 5.4.6, 5.4.7): the deviations of experiment 2a against the number of circles, 4 to 28,
-//! with the target that is set back last (F = 7 (T - 1) + O, equation 5.2) and second.
+//! Evaluations 2a and 2b (thesis 5.4.6, 5.4.7): the deviations of experiment 2a against the number of
+//! circles, 4 to 28, with the target that is set back last (F = 7 (T - 1) + O, equation 5.2) and second.
 
 use std::fmt::Write;
 use std::path::Path;

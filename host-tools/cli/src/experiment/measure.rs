@@ -1,5 +1,5 @@
-//! One rendering, several boxes: the frames go once through the frame loop of each job, in the process, and each
-//! job's records into a capture of its own, from which the samples are read back.
+//! One rendering, several boxes: the frames go once through the frame loop of each job, in the process, and
+//! each job's records into a capture of its own, from which the samples are read back.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -143,7 +143,7 @@ fn shape(scene: &Scene) -> Shape {
 fn run(job: &Job, source: Box<dyn FrameSource>, folder: &Path) -> anyhow::Result<Outcome> {
     let settings = Setup::parse(&job.setup, "setup.toml")?.settings();
     let capture = folder.join(format!("{}.gw", job.name));
-    // A capture is appended to: one of an earlier run would come first.
+    // One of an earlier run is made again.
     match std::fs::remove_file(&capture) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
             return Err(error).with_context(|| format!("{}: cannot be replaced", capture.display()));
@@ -152,7 +152,7 @@ fn run(job: &Job, source: Box<dyn FrameSource>, folder: &Path) -> anyhow::Result
     }
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO).as_millis() as u64;
     let identity = Identity { box_id: 0, boot_id: now, session_id: now, firmware: env!("CARGO_PKG_VERSION") };
-    let link = FileLink::open(&capture)?;
+    let link = FileLink::create(&capture)?;
     let play = Play::new(identity);
     let stop = AtomicBool::new(false);
     match gangway_bench::run(&settings, source, link, &play, &stop, &|_| {}) {

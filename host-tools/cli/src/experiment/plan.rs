@@ -67,7 +67,26 @@ const COMPRESSED: &str =
     "the trajectory of 16 minutes is compressed to 6 s at 50 frames/s, with an exposure of 4 ms for 20";
 const SHEET: &str = "the thesis does not say on what sheet the 7-CCC of experiment 1 was printed; here A3";
 const LASER: &str = "the reference is exact; the laser rangefinder of the thesis had up to 1.2 mm";
-const CYLINDERS: &str = "the reference is exact and in step; the rig's own had up to 3 mm and 2 degrees, and was aligned to a frame";
+const CYLINDERS: &str = "the reference is exact and in step; the rig's own had up to 3 mm and 2 degrees, and \
+                         was aligned to a frame";
+
+/// A row of photographs of one target on a rail; each experiment says what is its own.
+const PHOTOGRAPHS: Plan = Plan {
+    name: "",
+    scene: "",
+    about: "",
+    remarks: &[SHEET, LASER],
+    tables: "",
+    published: &[],
+    fewer: None,
+    rail: None,
+    figures: &[],
+    start: None,
+    across: "photograph",
+};
+
+/// A film of targets on the test rig.
+const RIG: Plan = Plan { remarks: &[COMPRESSED, CYLINDERS], across: "frame", ..PHOTOGRAPHS };
 
 impl Name {
     /// Its plan; none of `fiducials`, which is many measurements of one scene.
@@ -84,96 +103,78 @@ impl Name {
                 ],
                 tables: "table 5.1",
                 published: thesis::EX_1A,
-                fewer: None,
                 rail: Some(0),
                 figures: &[("5.5", &[0])],
-                start: None,
-                across: "photograph",
+                ..PHOTOGRAPHS
             },
             Self::Ex1b => Plan {
                 name: "1b",
                 scene: "1b",
                 about: "one 7-CCC target moves 860 mm along y and back, 3.6 m away, f = 35 mm, 2448 x 1624 px",
-                remarks: &[SHEET, LASER],
                 tables: "table 5.2",
                 published: thesis::EX_1B,
-                fewer: None,
                 rail: Some(1),
                 figures: &[("5.9", &[1])],
-                start: None,
-                across: "photograph",
+                ..PHOTOGRAPHS
             },
             Self::Ex1c => Plan {
                 name: "1c",
                 scene: "1c",
-                about: "one 7-CCC target turns 0, 25, -25, 0 degrees about z, 3.6 m away, f = 35 mm, 2448 x 1624 px",
+                about: "one 7-CCC target turns 0, 25, -25, 0 degrees about z, 3.6 m away, f = 35 mm, \
+                        2448 x 1624 px",
                 remarks: &[
                     SHEET,
                     "the reference is exact; angles were read by hand in the thesis, to 2 degrees",
                 ],
                 tables: "table 5.3",
                 published: thesis::EX_1C,
-                fewer: None,
-                rail: None,
                 figures: &[("5.13", &[5])],
-                start: None,
-                across: "photograph",
+                ..PHOTOGRAPHS
             },
             Self::Ex2a => Plan {
                 name: "2a",
                 scene: "rig",
                 about: "four A3 7-CCC targets on the test rig, one set back, 4.6 m away, f = 18 mm, 1080p",
-                remarks: &[COMPRESSED, CYLINDERS],
                 tables: "tables 5.4 and 5.7",
                 published: thesis::EX_2A,
                 // T1, T2 and T4 (the one set back), each without its circles 6 and 7.
                 fewer: Some(("3 x 5-CCC", |target, circle| target != 2 && circle < 5)),
-                rail: None,
                 figures: &[("5.19", TRANSLATIONS), ("5.21", ROTATIONS)],
                 start: Some("5.16"),
-                across: "frame",
+                ..RIG
             },
             Self::Ex2b => Plan {
                 name: "2b",
                 scene: "2b",
                 about: "as 2a, with other displacements",
-                remarks: &[COMPRESSED, CYLINDERS],
                 tables: "tables 5.5 and 5.6",
                 published: thesis::EX_2B,
                 fewer: Some(("middle A3 only", |target, _| target == 1)),
-                rail: None,
                 figures: &[("5.23", TRANSLATIONS), ("5.24", ROTATIONS)],
-                start: None,
-                across: "frame",
+                ..RIG
             },
             Self::Ex2c => Plan {
                 name: "2c",
                 scene: "2c",
                 about: "one A1 7-CCC target on the test rig, 5.67 m away, f = 55 mm, 1080p",
-                remarks: &[COMPRESSED, CYLINDERS],
                 tables: "table 5.6, where EPnP is left out",
                 published: thesis::EX_2C,
-                fewer: None,
-                rail: None,
                 figures: &[("5.26", TRANSLATIONS), ("5.27", ROTATIONS)],
-                start: None,
-                across: "frame",
+                ..RIG
             },
             Self::Ride => Plan {
                 name: "ride",
                 scene: "ride",
-                about: "one 5-CCC and two 7-CCC targets 1.65 m away, f = 18 mm, 1080p, through a tunnel and past a post",
+                about: "one 5-CCC and two 7-CCC targets 1.65 m away, f = 18 mm, 1080p, through a tunnel and \
+                        past a post",
                 remarks: &[
                     "the thesis gives no deviations: there was no reference on the train (5.5.2)",
-                    "the ride of 76 minutes is compressed to 5 s at 50 frames/s, with an exposure of 5 ms for 20",
+                    "the ride of 76 minutes is compressed to 5 s at 50 frames/s, with an exposure of 5 ms \
+                     for 20",
                 ],
                 tables: "no table",
-                published: &[],
-                fewer: None,
-                rail: None,
                 figures: &[("5.33, as deviations", TRANSLATIONS), ("5.34, as deviations", ROTATIONS)],
-                start: None,
-                across: "frame",
+                ..RIG
             },
             Self::Fiducials => return None,
         })

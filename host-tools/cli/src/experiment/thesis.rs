@@ -1,5 +1,5 @@
-//! What the thesis published (tables 5.1 to 5.7): MAX, RMSE, MEAN and STD of the deviations in x, y, z (mm) and roll,
-//! pitch, yaw (degrees).
+//! What the thesis published (tables 5.1 to 5.7): MAX, RMSE, MEAN and STD of the deviations in x, y, z (mm)
+//! and roll, pitch, yaw (degrees).
 
 /// The four statistics of the six degrees of freedom.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

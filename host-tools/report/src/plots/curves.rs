@@ -1,5 +1,5 @@
-//! Several curves beside each other in panels over one axis: deviations by solver, as in thesis figures 5.5 to 5.27, and
-//! errors against the number of circles, as in figures 5.29 and 5.30.
+//! Several curves beside each other in panels over one axis: deviations by solver, as in thesis figures 5.5
+//! to 5.27, and errors against the number of circles, as in figures 5.29 and 5.30.
 
 use super::axis::{Axis, number};
 use super::picture::{Picture, WIDTH_PX};
@@ -17,7 +17,8 @@ const LABEL: Type = Type { size: 21.0, bold: true, colour: colour::INK, anchor: 
 const TICK: Type = Type { size: 19.0, bold: false, colour: colour::INK, anchor: Anchor::End };
 const NOTE: Type = Type { size: 19.0, bold: false, colour: colour::QUIET, anchor: Anchor::Start };
 
-/// How a curve is drawn. The looks of a family lie over one another and all stay visible: wide below, narrow above.
+/// How a curve is drawn. The looks of a family lie over one another and all stay visible: wide below, narrow
+/// above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
     /// Wide, yellow.

@@ -49,7 +49,8 @@ pub fn deviations(evaluation: &Evaluation) -> Option<Picture> {
     Some(figure.finish())
 }
 
-/// All deviations, and the band of a usual frame: a frame that states next to nothing must not flatten the rest.
+/// All deviations, and the band of a usual frame: a frame that states next to nothing must not flatten the
+/// rest.
 fn half_range(evaluation: &Evaluation, i: usize, deviation: &Deviation) -> f64 {
     let usual = evaluation.motion[i].sigma_median.unwrap_or(0.0);
     let range = 1.08 * deviation.max.max(4.0 * usual);

@@ -1,4 +1,5 @@
-//! The frame of a figure: title, legend, six panels over one time axis, where there is no pose, and the flags.
+//! The frame of a figure: title, legend, six panels over one time axis, where there is no pose, and the
+//! flags.
 
 use std::fmt::Write;
 
@@ -154,7 +155,8 @@ impl<'a> Figure<'a> {
         self.svg.frame(Panel::area(panel.index), colour::FRAME);
     }
 
-    /// A line through what `value` gives of each frame, broken where it gives nothing and where frames are missing.
+    /// A line through what `value` gives of each frame, broken where it gives nothing and where frames are
+    /// missing.
     pub(crate) fn line(
         &mut self,
         panel: &Panel,

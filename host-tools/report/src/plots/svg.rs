@@ -134,7 +134,8 @@ impl Svg {
     }
 }
 
-/// Text as it may stand in an element or in an attribute of SVG and HTML. Control characters, which XML forbids, go.
+/// Text as it may stand in an element or in an attribute of SVG and HTML. Control characters, which XML
+/// forbids, go.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

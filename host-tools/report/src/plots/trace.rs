@@ -1,5 +1,5 @@
-//! Points to paths: broken where there is a gap, and reduced to the smallest and largest value a column of pixels where
-//! there are more points than columns.
+//! Points to paths: broken where there is a gap, and reduced to the smallest and largest value a column of
+//! pixels where there are more points than columns.
 
 use std::fmt::Write;
 
@@ -14,8 +14,8 @@ pub(crate) struct Point {
     pub(crate) joined: bool,
 }
 
-/// The points as they are drawn: all of them, or for each column of a pixel its smallest and largest, in the order in
-/// which they came. Between columns a gap stays a gap.
+/// The points as they are drawn: all of them, or for each column of a pixel its smallest and largest, in the
+/// order in which they came. Between columns a gap stays a gap.
 pub(crate) fn reduce(points: &[Point], width_px: f64) -> Vec<Point> {
     if points.len() as f64 <= width_px * POINTS_PER_COLUMN {
         return points.to_vec();

@@ -1,7 +1,7 @@
-//! The fine offset and drift: generalised least squares of the deviation on the measured motion's slope, with a constant
-//! and a small multiple of each degree of freedom as what may be systematic; covariance as it is under correlated
-//! deviations (W. Newey and K. West, A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
-//! covariance matrix, Econometrica 55, 1987).
+//! The fine offset and drift: generalised least squares of the deviation on the measured motion's slope, with
+//! a constant and a small multiple of each degree of freedom as what may be systematic; covariance as it is
+//! under correlated deviations (W. Newey and K. West, A simple, positive semi-definite, heteroskedasticity
+//! and autocorrelation consistent covariance matrix, Econometrica 55, 1987).
 
 use super::track::{Six, Track};
 use crate::DEGREES_OF_FREEDOM;
@@ -12,7 +12,8 @@ const DRIFT_PRIOR: f64 = 100e-6;
 const COUPLING: [f64; 3] = [0.02, 2.0, 0.01];
 /// Iterations at most; three are usual.
 const ITERATIONS: usize = 30;
-/// Deviations further apart than so many seconds are taken to be independent, or so many of the recorder's intervals.
+/// Deviations further apart than so many seconds are taken to be independent, or so many of the recorder's
+/// intervals.
 const MEMORY_S: f64 = 0.1;
 const MEMORY_INTERVALS: f64 = 2.0;
 /// A constant and six multiples.

@@ -1,8 +1,9 @@
-//! A reference recorder's file: `time_s,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg`, a row a sample, at a rate and on a
-//! clock of its own (thesis 5.4.2: the test rig's control system).
+//! A reference recorder's file: `time_s,dx_mm,dy_mm,dz_mm,roll_deg,pitch_deg,yaw_deg`, a row a sample, at a
+//! rate and on a clock of its own (thesis 5.4.2: the test rig's control system).
 //!
-//! The time may be `time_s`, `time_ms`, `time_us` or `time_ns`, from any zero; it rises from row to row and need not do so
-//! evenly. The other columns are as in a [`Reference`](crate::Reference). A row whose six cells are all empty is a gap.
+//! The time may be `time_s`, `time_ms`, `time_us` or `time_ns`, from any zero; it rises from row to row and
+//! need not do so evenly. The other columns are as in a [`Reference`](crate::Reference). A row whose six
+//! cells are all empty is a gap.
 
 use std::path::Path;
 

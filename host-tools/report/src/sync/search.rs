@@ -1,5 +1,5 @@
-//! The coarse offset: near the difference of the two starts of motion where both show one, else anywhere that the
-//! recordings overlap; by the largest correlation of the motions.
+//! The coarse offset: near the difference of the two starts of motion where both show one, else anywhere that
+//! the recordings overlap; by the largest correlation of the motions.
 
 use super::start::track_start;
 use super::track::{Six, Track};

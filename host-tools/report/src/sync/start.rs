@@ -1,5 +1,6 @@
-//! The start of motion from the summed absolute difference to the first picture, SAD = sum |F_0 - F_t| (thesis 5.4.2,
-//! equation 5.1): of pictures by their samples, of motions by the six degrees of freedom in units of requirement R(a).
+//! The start of motion from the summed absolute difference to the first picture, SAD = sum |F_0 - F_t|
+//! (thesis 5.4.2, equation 5.1): of pictures by their samples, of motions by the six degrees of freedom in
+//! units of requirement R(a).
 
 use super::track::{Six, Track};
 use crate::DEGREES_OF_FREEDOM;
@@ -13,13 +14,14 @@ const SHARE: f64 = 0.01;
 /// It is no flicker: so many samples in a row do.
 const IN_A_ROW: usize = 3;
 
-/// Summed absolute difference of two pictures' samples (equation 5.1). Samples that only one of them has do not count.
+/// Summed absolute difference of two pictures' samples (equation 5.1). Samples that only one of them has do
+/// not count.
 pub fn summed_absolute_difference(first: &[u8], frame: &[u8]) -> u64 {
     first.iter().zip(frame).map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
 }
 
-/// The first sample at which a series of summed absolute differences changes for good, in the manner of thesis figure
-/// 5.16; `None` where it never does, or does so from the beginning.
+/// The first sample at which a series of summed absolute differences changes for good, in the manner of
+/// thesis figure 5.16; `None` where it never does, or does so from the beginning.
 pub fn motion_start(differences: &[f64]) -> Option<usize> {
     // Noise makes the difference of any two pictures: the first one's zero to itself does not count.
     let rest = differences.get(1..=REST_SAMPLES.min(differences.len() / 4))?;

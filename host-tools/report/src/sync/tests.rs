@@ -22,7 +22,8 @@ struct Pair {
     rest: f64,
     /// What the box measures is larger by this share, and turned by this angle (radians) about z.
     systematic: [f64; 2],
-    /// Amplitude with which x follows y a quarter of a turn later, mm: then a misaligned frame looks like time.
+    /// Amplitude with which x follows y a quarter of a turn later, mm: then a misaligned frame looks like
+    /// time.
     swing: f64,
 }
 
@@ -116,13 +117,15 @@ fn normalised(pair: &Pair) -> [f64; 2] {
 /// The mean of 24 squared normal numbers is below 0.34 or above 2.0 once in a thousand.
 const TRUE_BAND: std::ops::Range<f64> = 0.34..2.0;
 
-/// The drift's prior is a part of its stated uncertainty and not of a fixed true drift: it may be too careful.
+/// The drift's prior is a part of its stated uncertainty and not of a fixed true drift: it may be too
+/// careful.
 const DRIFT_BAND: std::ops::Range<f64> = 0.1..2.0;
 
 #[test]
 fn the_stated_uncertainty_is_true_at_any_rate_of_the_recorder() {
     for recorder_hz in [100.0, 50.0, 31.7] {
-        // The offset in parts of the recorder's interval changes with the rate: none is drawn to a half sample.
+        // The offset in parts of the recorder's interval changes with the rate: none is drawn to a half
+        // sample.
         let pair = Pair { recorder_hz, offset: -0.735 + 1.0 / recorder_hz * 0.31, ..USUAL };
         let [offset, drift] = normalised(&pair);
         assert!(TRUE_BAND.contains(&offset), "{recorder_hz} Hz: offset {offset}");
@@ -132,8 +135,8 @@ fn the_stated_uncertainty_is_true_at_any_rate_of_the_recorder() {
 
 #[test]
 fn a_scale_and_a_misaligned_frame_do_not_pass_for_time() {
-    // Three parts in a thousand and 0.3 degrees, as from calibration and mounting; 2 x 20 x 55 x 0.005 / (20^2 + 55^2)
-    // of a period's radian, 0.7 ms, would go into the offset, ten times its uncertainty.
+    // Three parts in a thousand and 0.3 degrees, as from calibration and mounting; 2 x 20 x 55 x 0.005 /
+    // (20^2 + 55^2) of a period's radian, 0.7 ms, would go into the offset, ten times its uncertainty.
     let pair = Pair { systematic: [0.003, 0.005], swing: 20.0, offset: -0.73, ..USUAL };
     let [offset, _] = normalised(&pair);
     assert!(TRUE_BAND.contains(&offset), "offset {offset}");

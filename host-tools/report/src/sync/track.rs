@@ -36,7 +36,8 @@ impl Track {
         self.times[i] - self.times[i - 1] > GAP_INTERVALS * self.interval
     }
 
-    /// Second derivatives of the natural spline through samples `first..end` (a tridiagonal system, by elimination).
+    /// Second derivatives of the natural spline through samples `first..end` (a tridiagonal system, by
+    /// elimination).
     fn bend(&mut self, first: usize, end: usize) {
         let n = end - first;
         if n < 3 {

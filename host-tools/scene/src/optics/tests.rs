@@ -55,7 +55,8 @@ fn a_camera_turned_to_the_left_sees_what_was_ahead_on_the_right() {
     // Pitched down: what was ahead is above the middle, y negative.
     let pitched = Pose::of_camera(&[-1000.0, 0.0, 0.0], 0.0, 10.0, 0.0);
     assert!(pitched.transform(&[0.0, 0.0, 0.0])[1] < -100.0);
-    // Rolled by a positive angle about x: the camera's left side rises, what is on the left shows further down.
+    // Rolled by a positive angle about x: the camera's left side rises, what is on the left shows further
+    // down.
     let rolled = Pose::of_camera(&[-1000.0, 0.0, 0.0], 10.0, 0.0, 0.0);
     assert!(rolled.transform(&[0.0, 100.0, 0.0])[1] > 10.0);
 }
