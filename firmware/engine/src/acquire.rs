@@ -25,7 +25,7 @@ const WORK_IN_DOUBT: u32 = TRACKING * 5 / 10;
 /// ... and of the search in any case, so that it goes on.
 const WORK_AT_LEAST: u32 = TRACKING / 10;
 /// Of taking the rings around a pose that they contradict for the circles: a jump must not cost the frame.
-const WORK_OF_ASSIGNING: u32 = TRACKING;
+const WORK_OF_ASSIGNING: u32 = TRACKING * 12 / 10;
 
 /// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
 /// takes half as long, and one for all, in turn.
