@@ -54,10 +54,14 @@ const MAX_BLACK: f64 = 0.5;
 /// Blur of a sharp lens, px, as a start.
 const FIRST_BLUR: f64 = 0.7;
 
-/// Share of an edge's half width that is taken: beyond it a pixel counts less than a thirtieth of the steepest.
-const BELT: f64 = 0.75;
+/// Share of an edge's half width that is taken: beyond it a pixel carries less than a fiftieth of
+/// the steepest one's information.
+const BELT: f64 = 0.7;
 /// What is taken beside that, px: so far the centre may still move.
 const SLACK_PX: f64 = 0.1;
+/// Where the middle between both edges is nearer to them than this share of the half width, pixels are compared with
+/// both: beyond it, those that see the other edge too carry less than a twenty-fifth of the steepest one's information.
+const OVERLAP: f64 = 0.65;
 
 /// A step of the centre below this, px, and below so many standard deviations, is the last: what the profile's errors
 /// leave of it is a twentieth, of small rings with much blur a fifth.
@@ -239,7 +243,7 @@ fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white
     let inner = Belt { from: (radial.inner - width).max(0.0), to: (radial.inner + width).min(middle) };
     patch.clear(rect);
     let parts = [outer, inner].map(|belt| patch.take(frame, model.centre, model.shape, &belt, 1));
-    Belts { parts, overlap: radial.outer - radial.inner < radial.half_width() + width }
+    Belts { parts, overlap: middle - radial.inner < OVERLAP * radial.half_width() }
 }
 
 /// Makes the profile of every so many rows.

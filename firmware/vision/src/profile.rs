@@ -38,10 +38,10 @@ const TO_BITS: f32 = 8_388_608.0;
 const ENOUGH: f32 = 4.0;
 
 /// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and the steps of the
-/// radii and of the half width, px, below which one is the last: the next one's would be of their square. Under clipped
-/// white the level, radii and blur follow from what is left of the edges, and slowly.
-const WHOLE: (usize, f64, f64) = (5, 0.15, 0.3);
-const CLIPPED: (usize, f64, f64) = (24, 0.002, 0.002);
+/// radii and of the half width, shares of the half width, below which one is the last: the next one's would be of their
+/// square. Under clipped white the level, radii and blur follow from what is left of the edges, and slowly.
+const WHOLE: (usize, f64, f64) = (5, 0.1, 0.2);
+const CLIPPED: (usize, f64, f64) = (24, 0.001, 0.001);
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
@@ -261,7 +261,8 @@ impl Profile {
             if !radial.is_sound() {
                 return None;
             }
-            if step[2].abs().max(step[3].abs()) < small && step[4].abs() < small_width {
+            let [radii, width] = [step[2].abs().max(step[3].abs()), step[4].abs()];
+            if radii < small * radial.half_width() && width < small_width * radial.half_width() {
                 break;
             }
         }
