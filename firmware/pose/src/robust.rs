@@ -79,6 +79,10 @@ pub(crate) fn trimmed(problem: &Problem, fit: Fit) -> Option<Consensus> {
     {
         found = other;
     }
+    // Of few circles, two that are left out may be right ones that a wrong one has turned the pose away from.
+    if problem.rows.len() < SMALL && found.used.count_ones() as usize + 1 < problem.rows.len() {
+        return None;
+    }
     let agreed = problem.rows.len() < SMALL || !is_significant(found.fit.chi2, found.freedom());
     (agreed && is_only_choice(problem, &found)).then_some(found)
 }
@@ -214,7 +218,10 @@ pub(crate) fn readmitted(problem: &Problem, mut found: Consensus) -> Option<Cons
         }
         found = next;
     }
-    Some(if problem.rows.len() < SMALL { with_each_back(problem, found) } else { found })
+    let found = if problem.rows.len() < SMALL { with_each_back(problem, found) } else { found };
+    // From where wrong circles had drawn the pose, one refinement may end on its way.
+    let fit = refine(problem, found.used, &found.fit.pose).ok()?;
+    Some(shrink(problem, found.used, fit).filter(|settled| settled.used == found.used).unwrap_or(found))
 }
 
 /// Few circles determine a pose so badly that one left out can seem wrong and not be: each is tried among the

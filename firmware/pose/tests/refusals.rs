@@ -111,6 +111,40 @@ fn wrong_circles() -> impl Strategy<Value = (Vec<usize>, Vec<(usize, f64, f64)>)
     })
 }
 
+#[test]
+fn one_wrong_circle_of_six_does_not_turn_two_right_ones_out() {
+    let scene = ride();
+    let truth = scene.pose([10.0, 40.0, -20.0], [1.0, -1.0, 0.0]);
+    for distance in 12..200 {
+        let mut observations = scene.observe(&[1, 2, 3, 6, 8, 18], &truth, 0.02);
+        observations[3].centre.at[0] += f64::from(distance);
+        let solution = solve(&observations, &scene.lens, &Settings::default(), None);
+        let used = solution.map(|solution| solution.used);
+        assert!(matches!(used, Ok(0b11_0111) | Err(PoseError::NoConsensus)), "{distance} px: {used:?}");
+    }
+}
+
+#[test]
+fn a_pose_that_a_wrong_circle_had_drawn_away_is_refined_to_its_end() {
+    let scene = ride();
+    // Six circles, which of them is wrong, how far in px and in which direction; the turn of the carbody.
+    for (chosen, (i, distance, angle), warm, yaw) in [
+        ([5, 13, 14, 15, 16, 18], (3, 449.3_f64, 0.0_f64), true, 0.0),
+        ([0, 1, 4, 12, 14, 16], (0, 473.9, 0.328), true, -2.448),
+        ([1, 2, 4, 5, 7, 11], (1, 309.9, 5.446), false, -11.574),
+    ] {
+        let truth = scene.pose([10.0, 40.0, -20.0], [1.0, -1.0, yaw]);
+        let prior = scene.pose([5.0, 30.0, -15.0], [1.0, -0.8, yaw + 0.4]);
+        let mut observations = scene.observe(&chosen, &truth, 0.02);
+        observations[i].centre.at[0] += distance * angle.cos();
+        observations[i].centre.at[1] += distance * angle.sin();
+        let solution = solve(&observations, &scene.lens, &Settings::default(), warm.then_some(&prior));
+        let pose = solution.expect("five circles agree").pose;
+        let off = (pose.translation - truth.translation).norm();
+        assert!(off < 1e-6, "{chosen:?}: {off} mm, of exact centres");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(600) })]
 
