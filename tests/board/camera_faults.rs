@@ -45,11 +45,15 @@ fn a_stalled_and_a_vanished_camera_come_back_and_every_gap_is_in_the_records() {
     let told: Vec<&str> = said.events.iter().map(|(_, event)| event.as_str()).collect();
     let count = |what: &str| told.iter().filter(|told| told.contains(what)).count();
     assert!(count("CameraStalled") >= 2 && count("CameraReopened") >= 2, "{told:?}");
-    // 5 s at the rate of the feed, less the three periods until the stall is noticed and one of rounding.
-    let gaps = told
+    // Both silences, 5 s and 3 s, at the rate of the feed, less the three periods until each is noticed and one of
+    // rounding. Together: where the emulator itself comes late, a part of one is told as a gap before or behind it.
+    let missed: u32 = told
         .iter()
-        .filter_map(|told| told.strip_prefix("FramesMissed { count: ")?.strip_suffix(" }")?.parse().ok());
-    assert!(gaps.clone().any(|gap: u32| gap >= 5 * RATE_HZ - 4), "{told:?}");
+        .filter_map(|told| {
+            told.strip_prefix("FramesMissed { count: ")?.strip_suffix(" }")?.parse::<u32>().ok()
+        })
+        .sum();
+    assert!(missed >= (5 + 3) * RATE_HZ - 2 * 4, "{missed} of {told:?}");
 }
 
 #[test]
