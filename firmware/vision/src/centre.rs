@@ -76,7 +76,7 @@ const LAST_STEP_PX: f64 = 0.1;
 /// exposure take up to 0.22 px, 0.12 px and 0.1, a hidden piece of edge that moves the centre by 0.2 px takes more.
 const MAX_APART_PX: f64 = 0.22;
 const MAX_THIRD_PX: f64 = 0.12;
-const MAX_RESIDUAL: f64 = 0.2;
+const MAX_RESIDUAL: f64 = 0.16;
 
 /// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part looks so.
 const MAX_TILT: f64 = 0.06;
@@ -217,11 +217,11 @@ fn start(
     if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
     }
-    // The profile's centre is that of both edges together.
-    let share = model.radial.outer_share();
-    let seen = model.bias.map(|bias| (share + (1.0 - share) * model.inner_bias) * bias);
-    let step = model.out_of_circle([lean.step[0] - seen[0], lean.step[1] - seen[1]]);
-    model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
+    // An edge's radius about another centre than its own varies by a sine: that much of the blur is none.
+    let [x, y] = lean.step;
+    model.radial = model.radial.less_blur(0.5 * (x * x + y * y) + model.apart());
+    let [u, v] = model.out_of_circle(lean.step);
+    model.centre = [model.centre[0] + u, model.centre[1] + v];
     model.slope = lean.white_slope;
     Ok(Start { lean, white_end, saturated })
 }
@@ -242,7 +242,8 @@ fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white
     let outer = Belt { from: (radial.outer - width).max(middle), to: (radial.outer + width).min(white_end) };
     let inner = Belt { from: (radial.inner - width).max(0.0), to: (radial.inner + width).min(middle) };
     patch.clear(rect);
-    let parts = [outer, inner].map(|belt| patch.take(frame, model.centre, model.shape, &belt, 1));
+    let sides = [(outer, 1.0), (inner, model.inner_bias)];
+    let parts = sides.map(|(belt, share)| patch.take(frame, model.centre_of(share), model.shape, &belt, 1));
     Belts { parts, overlap: middle - radial.inner < OVERLAP * radial.half_width() }
 }
 
@@ -256,7 +257,7 @@ fn collect(
 ) {
     let end = model.radial.outer + MARGIN;
     patch.clear(rect);
-    let rows = patch.take(frame, model.centre, model.shape, &Belt::whole(end), every);
+    let rows = patch.take(frame, model.middle(), model.shape, &Belt::whole(end), every);
     profile.clear(end);
     Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, rows, profile);
     profile.close();

@@ -2,6 +2,7 @@
 
 use crate::edge::edge;
 use crate::lanes::{BLOCK, Column, Lanes, RUNS, inverse_sqrt};
+use crate::length;
 use crate::patch::{Part, Patch};
 use crate::profile::{Places, Profile, Radial};
 
@@ -41,6 +42,25 @@ impl Model {
         // The inverse of a symmetric matrix of determinant 1.
         let [uu, uv, vv] = self.root();
         [vv * x - uv * y, uu * y - uv * x]
+    }
+
+    /// The centre of an edge that perspective moves by this share of the outer edge's bias.
+    pub(crate) fn centre_of(&self, share: f64) -> [f64; 2] {
+        let [u, v] = self.out_of_circle(self.bias.map(|bias| share * bias));
+        [self.centre[0] + u, self.centre[1] + v]
+    }
+
+    /// The mean of both edges' centres by their lengths: about it the ring's profile is sharpest.
+    pub(crate) fn middle(&self) -> [f64; 2] {
+        let outer = self.radial.outer_share();
+        self.centre_of(outer + (1.0 - outer) * self.inner_bias)
+    }
+
+    /// Mean square distance of the edges' centres from their mean along one axis, px^2.
+    pub(crate) fn apart(&self) -> f64 {
+        let outer = self.radial.outer_share();
+        let apart = length(self.bias[0], self.bias[1]) * (1.0 - self.inner_bias);
+        0.5 * outer * (1.0 - outer) * apart * apart
     }
 
     /// A gradient in the circle's plane as one in the picture.
@@ -83,8 +103,8 @@ struct Edge {
 
 /// A model ring made ready for the pixels of a patch: single numbers that loops over a block take as they are.
 pub(crate) struct Kernel {
-    /// The centre from the patch's corner.
-    centre: [f32; 2],
+    /// The profile's centre from the patch's corner.
+    middle: [f32; 2],
     root: [f32; 3],
     edges: [Edge; 2],
     /// Whether pixels of one edge's belt see the other one.
@@ -130,19 +150,16 @@ impl Kernel {
         let [uu, uv, vv] = model.shape;
         let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
         let depth = (radial.contrast / radial.white) as f32;
-        let centre = [0, 1].map(|i| model.centre[i] - origin[i]);
-        let edge = |radius: f64, share: f64, other: f64, rise: f32| {
-            let bias = model.out_of_circle(model.bias.map(|bias| share * bias));
-            Edge {
-                centre: [0, 1].map(|i| (centre[i] + bias[i]) as f32),
-                radius: radius as f32,
-                to_other: model.bias.map(|bias| ((other - share) * bias) as f32),
-                rise,
-            }
+        let in_patch = |at: [f64; 2]| [0, 1].map(|i| (at[i] - origin[i]) as f32);
+        let edge = |radius: f64, share: f64, other: f64, rise: f32| Edge {
+            centre: in_patch(model.centre_of(share)),
+            radius: radius as f32,
+            to_other: model.bias.map(|bias| ((other - share) * bias) as f32),
+            rise,
         };
         let inner_bias = model.inner_bias;
         Self {
-            centre: centre.map(|x| x as f32),
+            middle: in_patch(model.middle()),
             root: model.root().map(|x| x as f32),
             edges: [edge(radial.outer, 1.0, inner_bias, depth), edge(radial.inner, inner_bias, 1.0, -depth)],
             overlap,
@@ -200,11 +217,11 @@ impl Kernel {
         }
     }
 
-    /// Adds pixels to the profile about this centre.
+    /// Adds pixels to the profile about the middle of both edges.
     pub(crate) fn collect(&self, patch: &Patch, part: Part, profile: &mut Profile) {
         let mut places = Places::new();
         for ((columns, rows, values), count) in patch.blocks(part) {
-            self.place(self.centre, columns, rows, &mut places);
+            self.place(self.middle, columns, rows, &mut places);
             places.forget_from(count);
             profile.add(&places, values);
         }

@@ -101,6 +101,12 @@ impl Radial {
         HALF_WIDTH * self.blur
     }
 
+    /// The same with blur of less variance by `square`, px^2.
+    pub(crate) fn less_blur(&self, square: f64) -> Self {
+        let least = BLUR.0 * BLUR.0;
+        Self { blur: libm::sqrt((self.blur * self.blur - square).max(least)), ..*self }
+    }
+
     /// Change of a pixel's value where an edge is steepest and moves by 1 px.
     pub(crate) fn peak(&self) -> f64 {
         PEAK * self.contrast / self.half_width()

@@ -118,7 +118,7 @@ fn start(
 ) -> Result<Start, Refusal> {
     let end = model.radial.outer + FITTED;
     patch.clear(rect);
-    let disc = patch.take(frame, model.centre, model.shape, &Belt::whole(end), 1);
+    let disc = patch.take(frame, model.middle(), model.shape, &Belt::whole(end), 1);
     profile.clear(end);
     Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, disc, profile);
     profile.close();
@@ -137,10 +137,9 @@ fn start(
     let noise = FIRST_NOISE * radial.contrast;
     lean.white_information = noise * noise / (uneven * uneven);
     lean.white_slope = [0.0; 2];
-    let step = [0, 1].map(|i| lean.step[i] - model.bias[i]);
-    let step = model.out_of_circle(step);
+    let [u, v] = model.out_of_circle(lean.step);
     model.radial = radial;
-    model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
+    model.centre = [model.centre[0] + u, model.centre[1] + v];
     Ok(Start { lean, white_end: end, saturated })
 }
 
