@@ -1,4 +1,5 @@
-//! P-tile threshold (thesis 3.2.5, equation 3.2), half way between the two levels that the known ring share gives.
+//! P-tile thresholds (thesis 3.2.5, equation 3.2): between the two levels that the known ring share gives, half way
+//! first.
 
 use crate::loader::View;
 
@@ -11,17 +12,53 @@ const BRIGHT_SHARE: f64 = 0.2;
 const SAMPLED_ROWS: usize = 10;
 const SAMPLED_DISC_ROWS: usize = 24;
 
-/// The two levels of a window, 0 to 255.
+/// Where between dark and bright a threshold lies first, and where else a small ring is looked for: blur fills its
+/// hole.
+pub(crate) const MIDDLE: f64 = 0.5;
+const ELSEWHERE: [f64; 3] = [MIDDLE, 0.35, 0.2];
+
+/// Rings up to this diameter are looked for elsewhere, px.
+const SMALL_PX: f64 = 16.0;
+
+/// White that is brighter than a window's bright level by this share of the contrast is a narrow margin on something
+/// darker.
+const NARROW: f64 = 0.2;
+
+/// The levels of a window, 0 to 255: black, what a fifth of it exceeds, and what as much as the ring's hole exceeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Levels {
     pub(crate) dark: f64,
     pub(crate) bright: f64,
+    pub(crate) white: f64,
+}
+
+/// How a window is made binary.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Cut {
+    /// Samples below this are dark.
+    pub(crate) threshold: u8,
+    /// Whether noise may be filtered out: of a small ring that blur fills a filter leaves nothing.
+    pub(crate) filtered: bool,
 }
 
 impl Levels {
-    /// Samples below this are dark.
-    pub(crate) fn threshold(&self) -> u8 {
-        libm::ceil(0.5 * (self.dark + self.bright)).clamp(1.0, 255.0) as u8
+    /// The threshold a share of the way from the dark to the bright level.
+    pub(crate) fn threshold(&self, share: f64) -> u8 {
+        libm::ceil(self.dark + share * (self.bright - self.dark)).clamp(1.0, 255.0) as u8
+    }
+
+    /// How to look for a ring of a diameter, px, one after the other until it is found. A contrast of less than
+    /// `least` shows none.
+    pub(crate) fn cuts(&self, diameter_px: f64, least: f64) -> impl Iterator<Item = Cut> {
+        let is_narrow = self.white - self.bright > NARROW * (self.white - self.dark);
+        let is_small = diameter_px < SMALL_PX;
+        let brights = [Some(self.bright), is_narrow.then_some(self.white)].into_iter().flatten();
+        let levels = brights.map(|bright| Self { bright, ..*self });
+        let levels = levels.filter(move |levels| levels.bright - levels.dark >= least);
+        let cut = |levels: Self, share, filtered| Cut { threshold: levels.threshold(share), filtered };
+        let first = levels.clone().map(move |levels| cut(levels, MIDDLE, true));
+        let elsewhere = levels.filter(move |_| is_small);
+        first.chain(elsewhere.flat_map(move |levels| ELSEWHERE.map(|share| cut(levels, share, false))))
     }
 }
 
@@ -29,9 +66,9 @@ impl Levels {
 const BIN: u32 = 4;
 const BINS: usize = 64;
 
-/// Levels of a window of which `ring_share` is the ring's black: dark is the mean of the darkest such share,
-/// bright the level that a fifth of the samples exceed.
-pub(crate) fn levels(view: &View, ring_share: f64) -> Levels {
+/// Levels of a window of which `ring_share` is the ring's black and `hole_share` its hole: dark is the mean of the
+/// darkest such share, bright the level that a fifth of the samples exceed, white that which the hole's share does.
+pub(crate) fn levels(view: &View, ring_share: f64, hole_share: f64) -> Levels {
     let histogram = histogram(view, SAMPLED_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
     // The middle of a bin.
@@ -50,15 +87,19 @@ pub(crate) fn levels(view: &View, ring_share: f64) -> Levels {
     }
     let dark = level(0) + f64::from(BIN * sum) / f64::from(taken.max(1));
 
-    let limit = (BRIGHT_SHARE * f64::from(count)) as u32;
+    let limits = [BRIGHT_SHARE, hole_share].map(|share| (share * f64::from(count)) as u32);
     let mut above = 0u32;
+    let mut white = None;
     for (&n, bin) in histogram.iter().rev().zip((0..BINS as u32).rev()) {
         above += u32::from(n);
-        if above > limit {
-            return Levels { dark, bright: level(bin) };
+        if above > limits[1] {
+            white = white.or(Some(level(bin)));
+        }
+        if above > limits[0] {
+            return Levels { dark, bright: level(bin), white: white.unwrap_or(level(bin)) };
         }
     }
-    Levels { dark, bright: level(0) }
+    Levels { dark, bright: level(0), white: level(0) }
 }
 
 /// Share of a window's samples that are darker than its dark level, where a bright disc is looked for in it.
@@ -86,10 +127,10 @@ pub(crate) fn disc_levels(view: &View, disc_share: f64) -> Levels {
     for (&n, bin) in histogram.iter().zip(0..BINS as u32) {
         below += u32::from(n);
         if below > limit {
-            return Levels { dark: level(bin), bright };
+            return Levels { dark: level(bin), bright, white: bright };
         }
     }
-    Levels { dark: level(0), bright }
+    Levels { dark: level(0), bright, white: bright }
 }
 
 /// Histogram of every second sample of a row, and of every second row or fewer where the window is large.

@@ -6,7 +6,7 @@ use gangway_device::Frame;
 use gangway_pose::MAX_CIRCLES;
 
 use crate::bits::Bits;
-use crate::candidate::{self, Miss};
+use crate::candidate::{self, Candidate, Miss};
 use crate::centre::{self, Workspace};
 use crate::components::Components;
 use crate::dark::Dark;
@@ -169,23 +169,24 @@ impl Tracker {
 
         let view = self.plane.load(frame, rect, window.every);
         let filled = PI * diameter * diameter / 4.0;
-        let ring = filled * (1.0 - 1.0 / (search.ratio * search.ratio));
-        let levels = threshold::levels(&view, ring / (rect.width * rect.height) as f64);
-        if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
-            return Err(refused(Refusal::LowContrast));
-        }
-        self.bits.pack(&view, levels.threshold());
-        if self.settings.median {
-            self.bits.median();
-        }
-        let thickness = window.scaled(0.5 * diameter * (1.0 - 1.0 / search.ratio));
-        if self.settings.opening && thickness >= MIN_OPENED {
-            self.bits.open();
-        }
-
-        let most = window.scaled(self.settings.max_centroid_distance_px);
+        let area = (rect.width * rect.height) as f64;
+        let hole = filled / (search.ratio * search.ratio);
+        let levels = threshold::levels(&view, (filled - hole) / area, hole / area);
         let sampled = window.search(search, at);
-        let candidate = candidate::find(&mut self.components, &self.bits, &sampled, most, &self.settings)
+        let mut found = Err(refused(Refusal::LowContrast));
+        for cut in levels.cuts(diameter, self.settings.min_contrast * 255.0) {
+            self.bits.pack(&view, cut.threshold);
+            let candidate =
+                find((&mut self.bits, &mut self.components), &sampled, &window, cut.filtered, &self.settings);
+            // Of why there is none, the first cut knows most.
+            if candidate.is_ok() || found == Err(refused(Refusal::LowContrast)) {
+                found = candidate;
+            }
+            if found.is_ok() {
+                break;
+            }
+        }
+        let candidate = found
             .map_err(|miss| {
                 let cut_at = miss.cut_at.map(|cut| window.in_picture(cut));
                 match cut_at {
@@ -196,6 +197,25 @@ impl Tracker {
             .in_picture(&window);
         centre::measure(frame, &mut self.workspace, &candidate, search, &self.settings).map_err(refused)
     }
+}
+
+/// The ring in a binary window, which is filtered before if it may be; all is in samples of the window.
+fn find(
+    (bits, components): (&mut Bits, &mut Components),
+    search: &Search,
+    window: &Window,
+    filtered: bool,
+    settings: &Settings,
+) -> Result<Candidate, Miss> {
+    if filtered && settings.median {
+        bits.median();
+    }
+    let thickness = 0.5 * search.diameter_px() * (1.0 - 1.0 / search.ratio);
+    if filtered && settings.opening && thickness >= MIN_OPENED {
+        bits.open();
+    }
+    let most = window.scaled(settings.max_centroid_distance_px);
+    candidate::find(components, bits, search, most, settings)
 }
 
 /// Whether a ring with its centre `at` is not wholly in the picture.

@@ -32,7 +32,7 @@ pub fn run(conditions: Conditions, seed: u64, exposures: u32) -> Outcome {
     let scene = Scene::new(conditions, &mut random);
     let light = scene.light();
     let truth = scene.projected();
-    let mut tracker = Box::new(Tracker::new(Settings { median: false, ..Settings::default() }));
+    let mut tracker = Box::new(Tracker::new(Settings::default()));
     let (mut errors, mut squared, mut refused) = (Vec::new(), Vec::new(), 0);
     for _ in 0..exposures {
         let bytes = scene.expose(&light, &mut random);

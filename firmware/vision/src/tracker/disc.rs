@@ -104,7 +104,7 @@ impl Look<'_> {
         if levels.bright - levels.dark < self.settings.min_contrast * 255.0 {
             return Err(refused(Refusal::LowContrast));
         }
-        self.bits.pack(&view, levels.threshold());
+        self.bits.pack(&view, levels.threshold(threshold::MIDDLE));
         if self.settings.median && diameter >= MEDIAN_PX {
             self.bits.median();
         }

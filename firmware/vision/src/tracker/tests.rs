@@ -156,6 +156,36 @@ fn a_post_beside_a_ring_does_not_cost_it() {
 }
 
 #[test]
+fn a_small_ring_that_blur_fills_is_found_with_the_filter_on() {
+    let mut random = Random::new(5);
+    for phase in [0.0, 0.25, 0.5, 0.75] {
+        let centre = [48.0 + phase, 47.7];
+        let mut picture = Picture::new(96, 96, 0.8);
+        // The sheet ends within the window's corners: what is beside it is darker than the blurred ring.
+        picture.cover(0.24, |x, y| (x - centre[0]).hypot(y - centre[1]) > 18.0);
+        picture.ring(centre, 12.0, 0.12);
+        picture.blur(1.5);
+        picture.noise(0.008, &mut random);
+        let ring = look(&picture, Layout::GREY, &Search::round([49.0, 47.0], 12.0)).unwrap();
+        // Five standard deviations of such a ring's noise.
+        assert!(error(&ring, centre) < 0.05, "{phase}: {}", error(&ring, centre));
+    }
+}
+
+#[test]
+fn a_narrow_margin_on_something_dark_is_white_enough() {
+    let centre = [84.4, 84.7];
+    let mut random = Random::new(6);
+    let mut picture = Picture::new(170, 170, 0.3);
+    picture.cover(0.09, |x, y| (x - centre[0]).hypot(y - centre[1]) > 14.5 + 4.0);
+    picture.ring(centre, 29.0, 0.045);
+    picture.blur(1.5);
+    picture.noise(0.005, &mut random);
+    let ring = look(&picture, Layout::GREY, &Search::round([86.0, 84.0], 29.0)).unwrap();
+    assert!(error(&ring, centre) < 0.05, "{}", error(&ring, centre));
+}
+
+#[test]
 fn refusals_say_why() {
     let search = Search::round([85.0, 85.0], 36.0);
     let at = |x: f64, y: f64| Search { at: [x, y], ..search };
