@@ -81,6 +81,10 @@ const MAX_RESIDUAL: f64 = 0.16;
 /// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part looks so.
 const MAX_TILT: f64 = 0.06;
 
+/// Share of the squared residuals that is noise at the least, however much of them radii seem to explain: what is left
+/// of clipped edges is explained by nearly any.
+const LEAST_LEFT: f64 = 0.25;
+
 /// Standard deviations of noise that are let pass.
 const SIGMAS: f64 = 4.0;
 
@@ -202,17 +206,31 @@ fn start(
         if black > MAX_BLACK * full {
             return Err(Refusal::Saturated);
         }
-        collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
         model.radial.white = CLIPPED_WHITE * full;
         model.radial.contrast = model.radial.white - black;
+        // About a better centre fewer cells mix clipped pixels with others.
+        collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
+        settle(profile, model, ratio, cell_saturated)?;
+        collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
     }
-    model.radial = profile
-        .fit(&model.radial, ratio, model.radial.outer + FITTED, cell_saturated)
-        .ok_or(Refusal::Outline)?;
+    let (lean, white_end) = settle(profile, model, ratio, cell_saturated)?;
+    model.slope = lean.white_slope;
+    Ok(Start { lean, white_end, saturated })
+}
+
+/// Fits the model to the profile; what its sides say beside that, and the radius up to which it is white, px.
+fn settle(
+    profile: &mut Profile,
+    model: &mut Model,
+    ratio: f64,
+    saturated: f64,
+) -> Result<(Lean, f64), Refusal> {
+    let end = model.radial.outer + FITTED;
+    model.radial = profile.fit(&model.radial, ratio, end, saturated).ok_or(Refusal::Outline)?;
     let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
     let white_end = profile.end_at_dark(&model.radial, borne);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
-    let lean = profile.lean(&model.radial, white_from, cell_saturated);
+    let lean = profile.lean(&model.radial, white_from, saturated);
     // Written so that a NaN is refused too.
     if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
@@ -222,8 +240,7 @@ fn start(
     model.radial = model.radial.less_blur(0.5 * (x * x + y * y) + model.apart());
     let [u, v] = model.out_of_circle(lean.step);
     model.centre = [model.centre[0] + u, model.centre[1] + v];
-    model.slope = lean.white_slope;
-    Ok(Start { lean, white_end, saturated })
+    Ok((lean, white_end))
 }
 
 /// The pixels near the outer and near the inner edge.
@@ -352,7 +369,8 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     // The step takes a part of the residuals away; what is even about the centre is the radii's error and no noise.
     let even = outer.even * outer.even / share + inner.even * inner.even / other;
     let taken = 0.5 * moved + even / (square * square);
-    let residual = (noise / square - taken * (FOURTH / SQUARE)).max(0.0) / (1.0 - 4.0 / carrying.max(8.0));
+    let (all, taken) = (noise / square, taken * (FOURTH / SQUARE));
+    let residual = (all - taken).max(LEAST_LEFT * all) / (1.0 - 4.0 / carrying.max(8.0));
     // Rounding to whole grey levels is noise too.
     let variance = residual.max(1.0 / 12.0);
     let circle = variance / information;
