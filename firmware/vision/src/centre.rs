@@ -68,6 +68,12 @@ const OVERLAP: f64 = 0.65;
 const SMALL_STEP_PX: f64 = 0.05;
 const SMALL_STEP_SIGMAS: f64 = 5.0;
 
+/// Edges whose half width is more than this share of the ring's radius hide that dark leaks in from beyond the white.
+const LEAKY: f64 = 0.4;
+/// Where dark leaks in, belts about a centre that moved by more than this, px, are taken anew: more of it on one side
+/// moves the centre.
+const STALE_PX: f64 = 0.01;
+
 /// Most passes over all rows, and largest step of the last one, px: beyond it they did not converge.
 const PASSES: usize = 3;
 const LAST_STEP_PX: f64 = 0.1;
@@ -117,7 +123,13 @@ pub(crate) fn measure(
     }
 
     let belts = take_belts(frame, &mut workspace.patch, rect, &model, start.white_end);
-    let fit = converge(&workspace.patch, &belts, &mut model, &start)?;
+    let taken_at = model.centre;
+    let mut fit = converge(&workspace.patch, &belts, &mut model, &start)?;
+    let moved = length(model.centre[0] - taken_at[0], model.centre[1] - taken_at[1]);
+    if belts.leak && moved > STALE_PX {
+        let belts = take_belts(frame, &mut workspace.patch, rect, &model, start.white_end);
+        fit = converge(&workspace.patch, &belts, &mut model, &start)?;
+    }
     fit.check(radial.contrast)?;
     let tilt = length(model.slope[0], model.slope[1]) - SIGMAS * libm::sqrt(fit.slope_square);
     let is_light = tilt * radial.outer <= MAX_TILT * radial.white;
@@ -248,6 +260,8 @@ struct Belts {
     parts: [Part; 2],
     /// Whether the pixels of either see the other edge as well.
     overlap: bool,
+    /// Whether dark from beyond the white leaks in.
+    leak: bool,
 }
 
 /// Takes the pixels near either edge, up to `white_end` px from the centre.
@@ -261,7 +275,9 @@ fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white
     patch.clear(rect);
     let sides = [(outer, 1.0), (inner, model.inner_bias)];
     let parts = sides.map(|(belt, share)| patch.take(frame, model.centre_of(share), model.shape, &belt, 1));
-    Belts { parts, overlap: middle - radial.inner < OVERLAP * radial.half_width() }
+    let overlap = middle - radial.inner < OVERLAP * radial.half_width();
+    let leak = white_end < radial.outer + width || radial.half_width() > LEAKY * radial.outer;
+    Belts { parts, overlap, leak }
 }
 
 /// Makes the profile of every so many rows.

@@ -22,7 +22,8 @@ pub struct Outcome {
     pub bias_px: [f64; 2],
     /// Mean normalised squared error; 2 is true.
     pub squared: f64,
-    /// Exposures without a centre.
+    /// Exposures with and without a centre.
+    pub measured: u32,
     pub refused: u32,
 }
 
@@ -56,6 +57,7 @@ pub fn run(conditions: Conditions, seed: u64, exposures: u32) -> Outcome {
         bound_px,
         bias_px: [mean(&of(0)), mean(&of(1))],
         squared: mean(&squared),
+        measured: exposures - refused,
         refused,
     }
 }
@@ -124,7 +126,7 @@ pub fn table(seeds: u64) -> Table {
 pub fn own_bias(outcomes: &[Outcome]) -> f64 {
     let of = |o: &Outcome| {
         let [u, v] = o.bias_px;
-        let noise = (o.over_bound * o.bound_px).powi(2) / f64::from(EXPOSURES);
+        let noise = (o.over_bound * o.bound_px).powi(2) / f64::from(o.measured);
         0.5 * (u * u + v * v) - noise
     };
     mean(&outcomes.iter().map(of).collect::<Vec<_>>()).max(0.0).sqrt()

@@ -11,16 +11,16 @@ const MOST_BIAS_PX: f64 = 0.003;
 const TRUE_SQUARED: f64 = 2.0;
 const MOST_OFF_SQUARED: f64 = 0.15;
 
-/// Eight rings of 50 exposures: the root mean square of each scatters by 7 %, the median of all by 3 %.
+/// Twelve rings of 50 exposures: the root mean square of each scatters by 7 %, the median of all by 2.5 %.
 fn outcomes(conditions: Conditions) -> Vec<Outcome> {
-    (0..8).map(|seed| run(conditions, seed, 50)).collect()
+    (0..12).map(|seed| run(conditions, seed, 50)).collect()
 }
 
 /// Checks error and bias and gives the mean normalised squared error.
 fn check(name: &str, conditions: Conditions) -> f64 {
     let outcomes = outcomes(conditions);
     let refused: u32 = outcomes.iter().map(|o| o.refused).sum();
-    assert!(refused <= 4, "{name}: {refused} of 400 refused");
+    assert!(refused == 0, "{name}: {refused} of 600 refused");
     let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
     assert!(over_bound < MOST_OVER_BOUND, "{name}: {over_bound}");
     let [u, v] = [0, 1].map(|axis| mean(&outcomes.iter().map(|o| o.bias_px[axis]).collect::<Vec<_>>()));
@@ -43,34 +43,54 @@ fn centres_are_within_a_quarter_of_what_their_pixels_can_tell_and_state_it() {
     squared.push(check("clipped", Conditions { white: 1.2, ..usual }));
     squared.push(check("depth", Conditions { bits: 12, ..usual }));
     squared.push(check("wide margin", Conditions { margin_px: 12.0, ..usual }));
-    // Of 5,200 exposures: chance makes 1.4 %.
+    // Of 7,800 exposures: chance makes 1.1 %.
     let squared = mean(&squared);
     assert!((squared / TRUE_SQUARED - 1.0).abs() < MOST_OFF_SQUARED, "{squared}");
 }
 
 #[test]
 fn what_is_hard_may_come_together() {
-    // 12 px with a blur of 0.4 px and 60 px with the same are within 1.4, see the table.
-    for (diameter_px, blur_px) in [(12.0, 1.0), (24.0, 1.5), (60.0, 0.7), (60.0, 1.5)] {
-        let conditions =
-            Conditions { diameter_px, blur_px, angle_deg: 35.0, uneven: 0.3, ..Conditions::default() };
-        check(&format!("{diameter_px} px, blur {blur_px} px"), conditions);
+    let hard = |diameter_px, blur_px| Conditions {
+        diameter_px,
+        blur_px,
+        angle_deg: 35.0,
+        uneven: 0.3,
+        ..Conditions::default()
+    };
+    let sizes = [(12.0, 0.4), (12.0, 1.0), (24.0, 1.5), (60.0, 0.4), (60.0, 0.7), (60.0, 1.5)];
+    for (diameter_px, blur_px) in sizes {
+        let squared = check(&format!("{diameter_px} px, blur {blur_px} px"), hard(diameter_px, blur_px));
+        // Dark from beyond the margin leaks into a small blurred ring; what that makes of the residuals is stated,
+        // rather too much than too little.
+        assert!(
+            squared < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED),
+            "{diameter_px} px, {blur_px} px: {squared}"
+        );
     }
 }
 
 #[test]
-fn a_ring_whose_edges_blur_joins_states_what_its_centre_is_worth() {
-    // A black ring that tilt makes 2.5 px thin, seen with a blur of 3.5 px from half to half of its height.
-    let conditions =
-        Conditions { diameter_px: 12.0, blur_px: 1.5, angle_deg: 35.0, uneven: 0.3, ..Conditions::default() };
-    let outcomes = outcomes(conditions);
-    let refused: u32 = outcomes.iter().map(|o| o.refused).sum();
-    // Its hole is five pixels, which noise closes at times: 2.5 %.
-    assert!(refused <= 20, "{refused} of 400 refused");
-    let worst = outcomes.iter().map(|o| o.squared).fold(0.0, f64::max);
-    // Dark beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too
-    // little.
-    assert!(worst < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{worst}");
-    let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
-    assert!(over_bound < 1.5, "{over_bound}");
+fn a_small_ring_whose_edges_blur_joins_is_found_and_states_what_its_centre_is_worth() {
+    // A black ring that tilt makes 2.5 px thin, seen with a blur of 3.5 px from half to half of its height. On a wide
+    // sheet the window's corners are darker than what is left of its black.
+    for margin_px in [4.0, 12.0] {
+        let conditions = Conditions {
+            diameter_px: 12.0,
+            blur_px: 1.5,
+            angle_deg: 35.0,
+            uneven: 0.3,
+            margin_px,
+            ..Conditions::default()
+        };
+        let outcomes = outcomes(conditions);
+        assert_eq!(outcomes.iter().map(|o| o.refused).sum::<u32>(), 0, "{margin_px} px");
+        // Dark from beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too
+        // little.
+        let worst = outcomes.iter().map(|o| o.squared).fold(0.0, f64::max);
+        assert!(worst < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{margin_px} px: {worst}");
+        // The claim by the median of 20 such rings, and twice what chance makes of the median of twelve.
+        let over_bound = median(outcomes.iter().map(|o| o.over_bound).collect());
+        let most = MOST_OVER_BOUND * (1.0 + 2.0 * 0.025);
+        assert!(margin_px > 4.0 || over_bound < most, "{over_bound}");
+    }
 }

@@ -80,7 +80,7 @@ pub(crate) fn measure(
     }
     patch.clear(rect);
     let disc = patch.take(frame, model.centre, model.shape, &Belt::whole(end), 1);
-    let belts = Belts { parts: [disc, Part::default()], overlap: false };
+    let belts = Belts { parts: [disc, Part::default()], overlap: false, leak: false };
     let fit = converge(patch, &belts, &mut model, &start)?;
     fit.check(contrast)?;
     if fit.third[0] > MAX_THIRD_PX + SIGMAS * fit.third[1] {
