@@ -54,9 +54,9 @@ const MAX_BLACK: f64 = 0.5;
 /// Blur of a sharp lens, px, as a start.
 const FIRST_BLUR: f64 = 0.7;
 
-/// Share of an edge's half width that is taken: beyond it a pixel carries less than a fiftieth of
-/// the steepest one's information.
-const BELT: f64 = 0.7;
+/// Share of an edge's half width that is taken: beyond it a pixel carries less than a twenty-fifth of the steepest one's
+/// information.
+const BELT: f64 = 0.65;
 /// What is taken beside that, px: so far the centre may still move.
 const SLACK_PX: f64 = 0.1;
 /// Where the middle between both edges is nearer to them than this share of the half width, pixels are compared with
