@@ -22,8 +22,9 @@ pub struct Outcome {
     pub bias_px: [f64; 2],
     /// Mean normalised squared error; 2 is true.
     pub squared: f64,
-    /// Exposures with and without a centre.
+    /// Exposures with a centre.
     pub measured: u32,
+    /// Exposures without one.
     pub refused: u32,
 }
 
