@@ -45,8 +45,6 @@ const CLIPPED: f64 = 0.01;
 /// Of a ring under clipped white, what is brighter than this short of full scale is left out; and where its white is
 /// looked for from, share of full scale.
 const NEARLY_CLIPPED: f64 = 0.03;
-/// The same of a cell of the profile: its pixels differ by a tenth of the contrast from its mean.
-const CELL_NEARLY_CLIPPED: f64 = 0.05;
 const CLIPPED_WHITE: f64 = 1.6;
 /// Black above this share of full scale under saturated white: too little of the edges is left.
 const MAX_BLACK: f64 = 0.5;
@@ -212,8 +210,7 @@ fn start(
     let (black, white) = profile.extremes(model.radial.outer + FITTED).ok_or(Refusal::Outline)?;
     (model.radial.white, model.radial.contrast) = (white, white - black);
     let clipped = white > (1.0 - CLIPPED) * full;
-    let up_to = |short: f64| if clipped { (1.0 - short) * full } else { f64::INFINITY };
-    let (saturated, cell_saturated) = (up_to(NEARLY_CLIPPED), up_to(CELL_NEARLY_CLIPPED));
+    let saturated = if clipped { (1.0 - NEARLY_CLIPPED) * full } else { f64::INFINITY };
     if clipped {
         if black > MAX_BLACK * full {
             return Err(Refusal::Saturated);
@@ -222,10 +219,10 @@ fn start(
         model.radial.contrast = model.radial.white - black;
         // About a better centre fewer cells mix clipped pixels with others.
         collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
-        settle(profile, model, ratio, cell_saturated)?;
+        settle(profile, model, ratio, saturated)?;
         collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
     }
-    let (lean, white_end) = settle(profile, model, ratio, cell_saturated)?;
+    let (lean, white_end) = settle(profile, model, ratio, saturated)?;
     model.slope = lean.white_slope;
     Ok(Start { lean, white_end, saturated })
 }

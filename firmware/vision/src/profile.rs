@@ -34,6 +34,10 @@ const COUNT: u32 = 1 << 16;
 /// Adding this to a float of less leaves the rounded number in its last bits.
 const TO_BITS: f32 = 8_388_608.0;
 
+/// How far pixels of a cell are from its mean radius, px, as a standard deviation: where the brighter of them are clipped
+/// their mean says nothing.
+const REACH_PX: f32 = 0.15;
+
 /// Pixels of a ring whose mean is a level.
 const ENOUGH: f32 = 4.0;
 
@@ -433,19 +437,27 @@ impl Kernel {
         (outer, inner, inner_sum - outer_sum)
     }
 
+    /// How much brighter a cell's pixels are than its mean where an edge is steepest. Of a clipped disc all is taken that
+    /// can be: it has little.
+    fn reach(&self) -> f32 {
+        REACH_PX * (self.contrast * PEAK as f32 * self.per_width).max(0.0)
+    }
+
     /// What the rings of cells from number `first` on have in common.
     #[inline(never)]
     fn weigh_rings(&self, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
         let (depth, white_from, saturated) =
             (self.contrast / self.white, white_from as f32, saturated as f32);
-        let per_part = self.contrast * PEAK as f32 * self.per_width / (PER_PX * PARTS as f32);
+        let per_px = self.contrast * PEAK as f32 * self.per_width;
+        let (per_part, reach) = (per_px / (PER_PX * PARTS as f32), self.reach());
         for i in 0..BLOCK {
             // The middle of the cells.
             let radius = ((first + i) as i32 as f32 + 0.5) / PER_PX;
             let (outer, inner, covered) = self.at(radius);
             let model = self.white - self.contrast * covered;
             let by_part = per_part * (outer - inner);
-            let counts = if model < saturated { 1.0 } else { 0.0 };
+            let brightest = model + reach * (outer + inner);
+            let counts = if brightest < saturated { 1.0 } else { 0.0 };
             rings.model[i] = model - 0.5 * PARTS as f32 * by_part;
             rings.by_part[i] = by_part;
             rings.steep[i] = (inner - outer) * counts;
@@ -465,6 +477,7 @@ impl Kernel {
         terms: &mut Terms,
     ) {
         let per_px = self.contrast * PEAK as f32 * self.per_width;
+        let reach = self.reach();
         for i in 0..BLOCK {
             let (outer, inner, covered) = self.at(radius[i]);
             let by_outer = -per_px * outer;
@@ -475,7 +488,8 @@ impl Kernel {
             terms.rows[2][i] = by_outer;
             terms.rows[3][i] = by_inner;
             terms.rows[4][i] = width * self.per_width;
-            terms.count[i] = if (radius[i] < end) & (value[i] < saturated) { count[i] } else { 0.0 };
+            let brightest = value[i] + reach * (outer + inner);
+            terms.count[i] = if (radius[i] < end) & (brightest < saturated) { count[i] } else { 0.0 };
             terms.residual[i] = value[i] - (self.white - self.contrast * covered);
         }
     }

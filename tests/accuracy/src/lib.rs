@@ -4,6 +4,7 @@
 
 pub mod bound;
 pub mod centres;
+pub mod drawn;
 pub mod methods;
 pub mod outliers;
 pub mod picture;

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use accuracy::table::Table;
-use accuracy::{bound, centres, methods, outliers, plane, scatter, shutter};
+use accuracy::{bound, centres, drawn, methods, outliers, plane, scatter, shutter};
 
 /// Seeds where none are asked for.
 const SEEDS: u64 = 20;
@@ -14,6 +14,7 @@ type Maker = fn(u64) -> Table;
 /// Name and maker of each table.
 const TABLES: &[(&str, Maker)] = &[
     ("centres", centres::table),
+    ("drawn", drawn::table),
     ("outliers", outliers::table),
     ("bound", bound::table),
     ("plane", plane::table),
