@@ -150,9 +150,9 @@ fn send(
             PROGRAM.print(&format!("{ended}{summary}; to {place}"));
             if summary.frames > 0 && summary.poses == 0 {
                 PROGRAM.say(
-                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight, \
-                     and at the setup's seeds_px where it has some; the events (gangway decode) say what was \
-                     lost",
+                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight - \
+                     at the setup's seeds_px, or 5 frames more in which they are looked for; the events (gangway \
+                     decode) say what was lost",
                 );
             }
             Ok(())

@@ -54,7 +54,7 @@ fn a_ride_without_rest_says_what_rest_takes() {
     let run = ride.program().args(["--frames", "ride.y4m", "--to", "file:ride.gw"]).assert().success();
     let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     assert!(said.contains("at least 10 frames at rest"), "{said}");
-    assert!(said.contains("seeds_px where it has some"), "{said}");
+    assert!(said.contains("seeds_px, or 5 frames more"), "{said}");
 }
 
 #[test]
