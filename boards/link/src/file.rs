@@ -48,7 +48,8 @@ impl FileLink {
             })
         })?;
         let about = file.metadata();
-        // Two sessions between each other's records are a capture that nobody can open. A pipe or a device belongs to many.
+        // Two sessions between each other's records are a capture that nobody can open. A pipe or a device
+        // belongs to many.
         let is_file = about.as_ref().is_ok_and(|file| file.is_file());
         if is_file && matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(open("another program is writing to it; end that one or give another name".into()));
