@@ -8,43 +8,15 @@ use std::time::{Duration, Instant};
 
 use gangway_store::Session;
 
-/// Two targets of four rings, one set back, 2 m before a small camera; at rest for a second of its 1.4.
-const SCENE: &str = r#"
-name = "tiny"
-frames = 70
-[camera]
-width_px = 320
-height_px = 240
-rate_hz = 50.0
-focal_px = [800.0, 800.0]
-principal_px = [160.3, 119.8]
-position_mm = [-2000.0, 0.0, 0.0]
-[[target]]
-name = "front"
-origin_mm = [0.0, 120.0, 0.0]
-outer_diameter_mm = 50.0
-inner_diameter_mm = 25.0
-circles_mm = [[-50.0, 90.0], [50.0, 90.0], [-50.0, -90.0], [50.0, -90.0]]
-[[target]]
-name = "back"
-origin_mm = [500.0, -180.0, 0.0]
-outer_diameter_mm = 50.0
-inner_diameter_mm = 25.0
-circles_mm = [[-50.0, 90.0], [50.0, 90.0], [-50.0, -90.0], [50.0, -90.0]]
-[motion]
-rest_s = 1.0
-[[motion.sine]]
-degree = "y"
-amplitude = 20.0
-frequency_hz = 2.0
-"#;
+/// 80 frames, of which the first 15 are at rest.
+const SCENE: &str = include_str!("../../../tests/scenes/short.toml");
 
 /// A demo that waits for something that never comes is ended after this time, which no demo takes.
 const HANGS: Duration = Duration::from_secs(120);
 
 /// Runs a shell's command line in `folder`, where the scene is; `$0` in it is the program.
 fn run(folder: &Path, line: &str) -> Output {
-    fs::write(folder.join("tiny.toml"), SCENE).unwrap();
+    fs::write(folder.join("short.toml"), SCENE).unwrap();
     let mut shell = Command::new("sh");
     shell.current_dir(folder).args(["-c", line]).arg(env!("CARGO_BIN_EXE_gangway"));
     let mut child = shell.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -71,10 +43,10 @@ fn quoted<'p>(page: &'p str, key: &'p str) -> impl Iterator<Item = &'p str> {
 #[test]
 fn the_demo_prints_its_table_and_says_where_everything_is() {
     let dir = tempfile::tempdir().unwrap();
-    let output = run(dir.path(), "exec \"$0\" demo tiny.toml --out shown");
+    let output = run(dir.path(), "exec \"$0\" demo short.toml --out shown");
     let said = text(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    for part in ["RMSE", "Frames: 70 in all, 61 compared, 9 waiting", "page         shown/index.html"] {
+    for part in ["RMSE", "Frames: 80 in all, 71 compared, 9 waiting", "page         shown/index.html"] {
         assert!(said.contains(part), "{part}: {said}");
     }
     // Whatever it names is there.
@@ -85,7 +57,7 @@ fn the_demo_prints_its_table_and_says_where_everything_is() {
     assert_eq!(named.len(), 3);
     assert!(named.iter().all(|path| path.exists()), "{named:?}");
     let (session, recovery) = Session::open(&named[0]).unwrap();
-    assert!(recovery.is_whole() && session.poses().unwrap().len() == 70);
+    assert!(recovery.is_whole() && session.poses().unwrap().len() == 80);
     for picture in ["motions.svg", "motions.png", "deviations.svg", "deviations.png"] {
         assert!(named[1].join(picture).is_file(), "{picture}");
     }
@@ -104,7 +76,7 @@ fn the_demo_prints_its_table_and_says_where_everything_is() {
 fn a_disk_that_fills_up_ends_the_demo_with_one_sentence() {
     let dir = tempfile::tempdir().unwrap();
     // A limit on the size of files stands for the full disk: setup and truth fit, the session does not.
-    let output = run(dir.path(), "ulimit -f 8; trap '' XFSZ; exec \"$0\" demo tiny.toml");
+    let output = run(dir.path(), "ulimit -f 8; trap '' XFSZ; exec \"$0\" demo short.toml --frames 40");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.lines().count() == 1 && said.contains("the disk is full"), "{said}");
