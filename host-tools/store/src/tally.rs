@@ -25,7 +25,7 @@ pub struct Tally {
     pub rests: u64,
     /// Marks given.
     pub marks: u64,
-    /// Frames that the source numbered but never delivered.
+    /// Frames that the source numbered but never delivered whole.
     pub frames_missed: u64,
     /// Frames that came torn or of another size.
     pub frames_corrupt: u64,
