@@ -52,14 +52,15 @@ struct Args {
     /// Play so many frames at most.
     #[arg(long, value_name = "N")]
     limit: Option<u64>,
-    /// Serial number of the box.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    /// Serial number of the box. Sessions show this and the next two in hexadecimal digits; so written, they
+    /// begin with 0x.
+    #[arg(long, value_name = "N", default_value = "0", value_parser = id)]
     box_id: u64,
     /// Number of the boot [default: this machine's].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = id)]
     boot_id: Option<u64>,
     /// Number of the session [default: the time now, ns].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = id)]
     session_id: Option<u64>,
     /// Give up when nobody took anything for so long [default: wait for ever].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
@@ -76,6 +77,15 @@ struct Args {
     /// Measure the loop alone: frames from memory, records to nowhere.
     #[arg(long, conflicts_with_all = ["to", "append", "real_time", "times", "fault", "wait"])]
     measure: bool,
+}
+
+/// A number that names something: decimal, or hexadecimal behind `0x`.
+fn id(text: &str) -> Result<u64, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u64::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| format!("give a whole number from 0 to {}, or 0x and hexadecimal digits", u64::MAX))
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -140,9 +150,9 @@ fn send(
             PROGRAM.print(&format!("{ended}{summary}; to {place}"));
             if summary.frames > 0 && summary.poses == 0 {
                 PROGRAM.say(
-                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight, \
-                     and at the setup's seeds_px where it has some; the events (gangway decode) say what was \
-                     lost",
+                    "no frame has a motion: a rest pose takes at least 10 frames at rest with the targets in sight - \
+                     at the setup's seeds_px, or 5 frames more in which they are looked for; the events (gangway \
+                     decode) say what was lost",
                 );
             }
             Ok(())

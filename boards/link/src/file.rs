@@ -1,7 +1,7 @@
 //! A file as a line: records are appended as they come.
 
 use std::fmt;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
@@ -32,7 +32,7 @@ impl FileLink {
     /// Opens or creates the file, to append to it.
     ///
     /// # Errors
-    /// [`Error::Open`] where the file cannot be made or written.
+    /// [`Error::Open`] where the file cannot be made or written, or another program is writing to it.
     pub fn append(path: &Path) -> Result<Self, Error> {
         let name = path.display().to_string();
         let open = |why: String| Error::Open { line: format!("file:{name}"), why };
@@ -47,7 +47,14 @@ impl FileLink {
                 _ => error.to_string(),
             })
         })?;
-        let begins = file.metadata().is_ok_and(|file| file.len() > 0);
+        let about = file.metadata();
+        // Two sessions between each other's records are a capture that nobody can open. A pipe or a device
+        // belongs to many.
+        let is_file = about.as_ref().is_ok_and(|file| file.is_file());
+        if is_file && matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(open("another program is writing to it; end that one or give another name".into()));
+        }
+        let begins = about.is_ok_and(|file| file.len() > 0);
         Ok(Self { file, path: name, begins })
     }
 
@@ -130,6 +137,21 @@ mod tests {
         assert!(matches!(error, Error::Occupied { .. }), "{error}");
         assert_eq!(std::fs::read(&path).unwrap(), b"ab\0");
         assert!(FileLink::create(Path::new("/dev/null")).is_ok());
+    }
+
+    #[test]
+    fn a_file_that_another_program_writes_is_refused_until_that_has_ended() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("ride.gw");
+        let writing = FileLink::append(&path).unwrap();
+        for refused in [FileLink::append(&path), FileLink::create(&path)] {
+            let said = refused.unwrap_err().to_string();
+            assert!(said.contains("another program is writing to it"), "{said}");
+        }
+        drop(writing);
+        assert!(FileLink::append(&path).is_ok());
+        let devices = [(); 2].map(|()| FileLink::append(Path::new("/dev/null")));
+        assert!(devices.iter().all(Result::is_ok));
     }
 
     #[test]

@@ -44,6 +44,9 @@ pub struct Setup {
 
 impl Setup {
     /// Reads and checks a setup file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or all the mistakes in it.
     pub fn read(path: &Path) -> Result<Self, SetupError> {
         let name = path.display().to_string();
         let mut bytes = Vec::new();
@@ -75,6 +78,9 @@ impl Setup {
     }
 
     /// Checks the text of a setup, from a file or as a box announced it; `name` is what mistakes call it.
+    ///
+    /// # Errors
+    /// All the mistakes in it, each with line, key and what is allowed.
     pub fn parse(text: &str, name: &str) -> Result<Self, SetupError> {
         if text.len() > MAX_SETUP_TEXT {
             return Err(too_long(name));

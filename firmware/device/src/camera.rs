@@ -48,6 +48,9 @@ pub trait Camera {
     /// Waits for the next frame, at most three frame periods.
     ///
     /// The frame borrows the camera's buffer, which is given back when the borrow ends.
+    ///
+    /// # Errors
+    /// Why there is none now; what that means for the next call says [`CameraErrorKind`].
     fn next_frame(&mut self) -> Result<Frame<'_>, Self::Error>;
 
     /// Tells the camera another exposure, for frames that come some frames later. Gives what it took, to its

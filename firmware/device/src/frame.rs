@@ -91,6 +91,9 @@ impl<'a> Frame<'a> {
     /// Checks that `bytes` holds `height` rows of `width` samples, `stride` bytes apart.
     ///
     /// `number` is the source's own frame number, `time_ns` the monotonic clock at mid-exposure.
+    ///
+    /// # Errors
+    /// What does not fit, see [`FrameError`].
     pub fn new(
         bytes: &'a [u8],
         (width, height): (u16, u16),

@@ -8,6 +8,9 @@ pub trait Lamp {
     type Error: embedded_hal::digital::Error;
 
     /// Lights the lamp or puts it out.
+    ///
+    /// # Errors
+    /// The pin cannot be driven; whether the lamp shines is then not known.
     fn set_lit(&mut self, lit: bool) -> Result<(), Self::Error>;
 }
 

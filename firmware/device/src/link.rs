@@ -26,13 +26,22 @@ pub trait Link {
     ///
     /// `bytes` starts and ends with whole framed records. A link that loses its connection within a record
     /// drops the rest of that record.
+    ///
+    /// # Errors
+    /// [`LinkErrorKind::NotConnected`] while nobody listens, and for good where the line failed.
     fn send(&mut self, bytes: &[u8]) -> Result<usize, Self::Error>;
 
     /// Takes what the host has sent, at most `into.len()` bytes; 0 when there is nothing.
+    ///
+    /// # Errors
+    /// As [`Link::send`].
     fn receive(&mut self, into: &mut [u8]) -> Result<usize, Self::Error>;
 
     /// Pushes out what the link still holds, at the end of a session; `true` when all of it is on the line.
     /// To be called until it is true. Nothing can be sent afterwards.
+    ///
+    /// # Errors
+    /// What is left cannot be brought out any more.
     fn finish(&mut self) -> Result<bool, Self::Error> {
         Ok(true)
     }

@@ -1,12 +1,17 @@
-//! The frame loop's one step: frame, windows, centres, pose, motion, records.
+//! The frame loop's one step: frame, windows, centres, pose, motion, records. What the steps within it are is
+//! in the files below: `relate`, `stand` and `tell`.
 
-use gangway_device::{Camera, CameraError, CameraErrorKind, Clock, Exposure, Frame, Lamp, Vitals};
-use gangway_pose::{MAX_CIRCLES, Pose, PoseError, Shutter, Solution, relative_pose};
+mod board;
+mod relate;
+mod stand;
+mod tell;
+
+use gangway_device::{Camera, CameraError, Clock, Exposure, Frame, Lamp, Vitals};
+use gangway_pose::{MAX_CIRCLES, Pose, PoseError, Shutter, Solution};
 use gangway_vision::{Refusal, Ring, Tracker};
-use gangway_wire::{self as wire, Pong, PoseFlags, Record, What};
+use gangway_wire::{self as wire, PoseFlags, What};
 
-use nalgebra::{Matrix6, Vector3};
-
+pub use self::board::{Board, Identity, Look, Step};
 use crate::acquire::WORK_A_RING;
 use crate::announce::Announcer;
 use crate::carbody::{Carbody, Means};
@@ -15,69 +20,17 @@ use crate::health::Pulse;
 use crate::keep;
 use crate::lamp::{LampMode, Lamps};
 use crate::light::Light;
-use crate::lit::Lit;
 use crate::moved::Suspicion;
 use crate::own::Own;
 use crate::recorder::Recorder;
 use crate::rest::{Found, RestFinder};
 use crate::visibility::{self, Watch};
-use crate::{Command, InboxConsumer, OutboxProducer, Settings, report};
+use crate::{InboxConsumer, OutboxProducer, Settings};
 
 /// Most records that one step can put into the outbox: an event a circle, answers to a full inbox, and the
 /// pose, markers, rest, announcement, health and camera's events beside them.
 pub const MAX_RECORDS_PER_STEP: usize = MAX_CIRCLES + crate::INBOX_SLOTS + 20;
 const _: () = assert!(MAX_RECORDS_PER_STEP < crate::OUTBOX_SLOTS);
-
-/// Who this box is.
-#[derive(Clone, Copy, Debug)]
-pub struct Identity {
-    /// Serial number of the box.
-    pub box_id: u64,
-    /// Number of this boot.
-    pub boot_id: u64,
-    /// Number of this session.
-    pub session_id: u64,
-    /// Version of the firmware, at most 32 bytes.
-    pub firmware: &'static str,
-}
-
-/// The hardware that a step works on; all of it is passed in.
-pub struct Board<'b, C, K, V, L> {
-    /// Where frames come from.
-    pub camera: &'b mut C,
-    /// Monotonic time and UTC.
-    pub clock: &'b K,
-    /// Temperature and free space.
-    pub vitals: &'b mut V,
-    /// The lamps of active targets.
-    pub lamps: &'b mut [L],
-}
-
-/// What a step came to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    /// A frame was measured and has its motion.
-    Measured,
-    /// A frame was worked through but gave no motion; its record says why.
-    Unmeasured,
-    /// A frame came again; it has no record of its own.
-    Repeated,
-    /// The camera gave no frame.
-    NoFrame(CameraErrorKind),
-}
-
-/// One window of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Number of the circle.
-    pub circle: u8,
-    /// Its middle, px; not numbers for a circle that no window can be put on.
-    pub at: [f64; 2],
-    /// Its side, px.
-    pub side_px: f64,
-    /// Where the ring's centre was seen, px, or why not.
-    pub seen: Result<[f64; 2], wire::LostReason>,
-}
 
 /// The frame loop's state: one box, one camera, one session.
 ///
@@ -251,69 +204,6 @@ impl Engine {
         })
     }
 
-    /// Does what host and link have asked for since the last frame.
-    fn obey(&mut self, inbox: &mut InboxConsumer<'_>, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
-        let starts = !core::mem::replace(&mut self.started, true);
-        if starts {
-            // `Hello` has sequence 0: on a line without connections nothing else says where a session begins.
-            self.announcer.restart();
-            self.greet(clock, outbox);
-            self.recorder.event(outbox, What::Started);
-        }
-        while let Some(command) = inbox.dequeue() {
-            match command {
-                Command::SetRest => {
-                    self.seeking_rest = true;
-                    self.rest_finder.clear();
-                    self.own.iter_mut().for_each(Own::forget_anchor);
-                    self.recorder.event(outbox, What::RestRequested);
-                }
-                Command::Mark(text) => self.recorder.event(outbox, What::Mark { text: &text }),
-                Command::Ping { number, host_time_ns } => {
-                    let pong = Pong { number, host_time_ns, time_ns: clock.now_ns() };
-                    self.recorder.put(outbox, &Record::Pong(pong));
-                }
-                // Who came before the start hears the start's own greeting.
-                Command::Announce if starts => {}
-                Command::Announce => self.announcer.restart(),
-                Command::Thinned { count } => self.recorder.event(outbox, What::QueueOverflow { count }),
-                Command::Delivered(times) => self.pulse.delivered(&times),
-                Command::Refused { kind } => self.recorder.event(outbox, What::CommandRefused { kind }),
-            }
-        }
-        // Before the wait for the next frame: a new listener can read it from the first on.
-        self.greet(clock, outbox);
-    }
-
-    /// `Hello`, the time and the rest pose, if that is due.
-    fn greet(&mut self, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
-        let rest = self.rest.as_ref();
-        self.announcer.greet(&self.settings, &self.identity, rest, clock, &mut self.recorder, outbox);
-    }
-
-    /// The camera gave no frame: says why, and goes on sending the setup to who listens.
-    fn without_frame(
-        &mut self,
-        kind: CameraErrorKind,
-        clock: &impl Clock,
-        outbox: &mut OutboxProducer<'_>,
-    ) -> Step {
-        let what = match kind {
-            CameraErrorKind::Ended | CameraErrorKind::Waiting => None,
-            CameraErrorKind::Stalled => Some(What::CameraStalled),
-            CameraErrorKind::Lost => Some(What::CameraLost),
-            CameraErrorKind::Reopened => Some(What::CameraReopened),
-            CameraErrorKind::Corrupt => Some(What::FrameCorrupt),
-        };
-        if let Some(what) = what {
-            // No frame has a time to give; the end of a recording belongs to its last frame.
-            self.recorder.at(self.last_frame.unwrap_or(0), clock.now_ns());
-            self.recorder.event(outbox, what);
-        }
-        self.announcer.step(&self.settings, &mut self.recorder, outbox);
-        Step::NoFrame(kind)
-    }
-
     /// Compares number and size with what must come: the flags that follow, `None` for a frame already seen.
     fn arrive(&mut self, frame: &Frame<'_>, outbox: &mut OutboxProducer<'_>) -> Option<PoseFlags> {
         self.recorder.at(frame.number(), frame.time_ns());
@@ -374,185 +264,6 @@ impl Engine {
         let Some(own) = &mut self.own else { return solution };
         own.carbody().show(&mut self.outcomes);
         own.relate(frame.time_ns(), &solution?, settings)
-    }
-
-    /// How many circles should show in the picture, of those that could go into the pose.
-    fn in_picture(&self) -> u32 {
-        let own = self.own.as_ref().filter(|own| own.is_seen());
-        let own = own.map_or(0, |own| own.carbody().in_picture(&self.settings));
-        self.carbody.in_picture(&self.settings) + own
-    }
-
-    fn is_ambiguous(&self) -> bool {
-        let own = self.own.as_ref().is_some_and(|own| own.is_seen() && own.carbody().is_ambiguous());
-        own || self.carbody.is_ambiguous() || self.rest.as_ref().is_some_and(|found| found.ambiguous)
-    }
-
-    /// CB_02 and, where it has reference targets, CB_01.
-    fn carbodies(&self) -> impl Iterator<Item = &Carbody> {
-        core::iter::once(&self.carbody).chain(self.own.iter().map(Own::carbody))
-    }
-
-    /// Whether the lamps shone in this frame, as the first carbody with lit targets shows it.
-    fn lit(&self) -> Lit {
-        self.carbodies().map(Carbody::lit).find(|lit| *lit != Lit::Unknown).unwrap_or_default()
-    }
-
-    fn seen(&self) -> usize {
-        rings(&self.outcomes, self.settings.circles.len()).count()
-    }
-
-    /// While rest is sought: shows this frame to the finder, and takes over what it finds. Later the same tells when the
-    /// train stands again.
-    fn find_rest(&mut self, frame: &Frame<'_>, solution: Option<&Solution>, outbox: &mut OutboxProducer<'_>) {
-        let Some(solution) = solution else { return self.suspicion.interrupt() };
-        if !self.seeking_rest {
-            return self.suspect(frame, solution, outbox);
-        }
-        let mut centres = heapless::Vec::<(usize, [f64; 2]), MAX_CIRCLES>::new();
-        let Settings { circles, lens, .. } = &self.settings;
-        for (circle, ring) in rings(&self.outcomes, circles.len()) {
-            let moved_px = match (&mut self.own, circles.get(circle)) {
-                _ if solution.used >> circle & 1 == 0 => continue,
-                (Some(own), Some(circle)) => own.moved_px(&solution.pose.transform(&circle.point), lens),
-                _ => [0.0; 2],
-            };
-            // As many as circles, at most.
-            let _ = centres.push((circle, [0, 1].map(|i| ring.centre.at[i] - moved_px[i])));
-        }
-        if self.rest_finder.observe(frame.number(), centres.iter().copied(), solution) {
-            let surveyed = self.survey();
-            let Some(mut found) = self.rest_finder.mean(frame.number(), surveyed) else { return };
-            if surveyed.is_some() {
-                // What the layout did to this pose it does to all. The circles of a target are off together.
-                found.pose.common = solution.covariance * self.carbody.correlation();
-            }
-            self.seeking_rest = false;
-            found.own = self.own.as_ref().and_then(|own| own.carbody().last());
-            self.recorder.event(outbox, What::RestSet { frames: found.frames });
-            self.recorder.put(outbox, &report::rest(&found));
-            self.rest = Some(found);
-            self.suspicion.forget();
-        } else if self.rest_finder.begins() {
-            self.carbody.restart_survey();
-            self.own.iter_mut().for_each(Own::restart_survey);
-        }
-    }
-
-    /// Takes the circles to be where the rest interval showed them; gives the covariance of a frame's pose with that.
-    fn survey(&mut self) -> Option<Matrix6<f64>> {
-        let settings = &self.settings;
-        let frames = settings.rest.frames;
-        if settings.rest.layout_mm <= 0.0 {
-            return None;
-        }
-        let solution = self.carbody.survey(frames, settings);
-        let Some(own) = &mut self.own else { return Some(solution?.covariance) };
-        Some(relative_pose(&own.survey(frames, settings)?, &solution?).covariance)
-    }
-
-    /// Without reference targets: whether the camera may have moved.
-    fn suspect(&mut self, frame: &Frame<'_>, solution: &Solution, outbox: &mut OutboxProducer<'_>) {
-        let (None, Some(rest)) = (&self.own, &self.rest) else { return };
-        let Settings { circles, limits, .. } = &self.settings;
-        let middle = circles.iter().map(|circle| circle.point).sum::<Vector3<f64>>() / circles.len() as f64;
-        if self.carbody.is_ambiguous() {
-            self.suspicion.interrupt();
-        }
-        let now = (frame.number(), frame.time_ns());
-        let shock = self.suspicion.follow(now, solution, &middle, limits);
-        let used =
-            rings(&self.outcomes, circles.len()).filter(|(circle, _)| solution.used >> circle & 1 == 1);
-        let centres = used.map(|(circle, ring)| (circle, ring.centre.at));
-        let stands = self.rest_finder.observe(frame.number(), centres, solution);
-        let elsewhere = stands.then(|| self.suspicion.stands(solution, &rest.pose, limits)).flatten();
-        for what in [shock, elsewhere].into_iter().flatten() {
-            self.recorder.event(outbox, what);
-        }
-    }
-
-    /// The motion against rest, with the flags that say how far it can be trusted.
-    fn relate(
-        &self,
-        frame: &Frame<'_>,
-        solution: Result<&Solution, &PoseError>,
-        flags: PoseFlags,
-    ) -> wire::Pose {
-        let rest = self.rest.as_ref().map(|found| &found.pose);
-        let (motion, trust) = report::motion(rest, solution, &self.settings);
-        let mut flags = flags | trust;
-        if solution.is_ok() && self.is_ambiguous() {
-            flags |= PoseFlags::AMBIGUOUS;
-        }
-        if self.suspicion.has_moved(frame.time_ns()) {
-            flags |= PoseFlags::CAMERA_MOVED;
-        }
-        if self.own.as_ref().is_some_and(|own| !own.is_seen()) {
-            flags |= PoseFlags::UNREFERENCED;
-        }
-        let used = solution.map_or(0, |solution| solution.used);
-        if solution.is_ok() && used.count_ones() as usize != self.seen() {
-            flags |= PoseFlags::OUTLIERS;
-        }
-        if solution.is_ok() && !keep::is_trusted(used.count_ones(), self.in_picture()) {
-            flags |= PoseFlags::SPARSE;
-        }
-        flags |= match self.lit() {
-            Lit::Not => PoseFlags::DARK,
-            Lit::InPart => PoseFlags::SWITCHED,
-            Lit::Unknown | Lit::Wholly => PoseFlags::default(),
-        };
-        let markers = used.count_ones() as u8;
-        wire::Pose { frame: frame.number(), time_ns: frame.time_ns(), flags, markers, motion }
-    }
-
-    /// Pose and centres of the frame, and what changed with it.
-    fn record(&mut self, pose: &wire::Pose, used: u64, outbox: &mut OutboxProducer<'_>) {
-        self.recorder.put(outbox, &Record::Pose(*pose));
-        let circles = self.settings.circles.len();
-        report::centres(rings(&self.outcomes, circles), used, &mut self.centres);
-        self.recorder.put(outbox, &Record::Markers(self.centres.markers(pose.frame)));
-
-        let solved =
-            !pose.flags.contains(PoseFlags::FEW_MARKERS) && !pose.flags.contains(PoseFlags::NO_SOLUTION);
-        let patience = libm::ceil(self.settings.rate_hz) as u32;
-        let is_excused = self.carbodies().any(Carbody::is_excused);
-        let states = self.outcomes.iter().zip(&mut self.watches).take(circles).enumerate();
-        for (circle, (outcome, watch)) in states {
-            if *outcome == Err(Refusal::Unlit) && is_excused {
-                continue;
-            }
-            let refused = solved && used >> circle & 1 == 0;
-            let state = match outcome {
-                Ok(_) if refused => Err(Refusal::Residual),
-                Ok(_) => Ok(()),
-                Err(refusal) => Err(*refusal),
-            };
-            if let Some(what) = watch.update(circle as u8, pose.frame, state, patience) {
-                self.recorder.event(outbox, what);
-            }
-        }
-        let whites = rings(&self.outcomes, circles).map(|(_, ring)| ring.white);
-        if let Some(what) = self.light.update(whites) {
-            self.recorder.event(outbox, what);
-        }
-    }
-
-    fn announce(&mut self, frame_time_ns: u64, clock: &impl Clock, outbox: &mut OutboxProducer<'_>) {
-        self.announcer.tick(frame_time_ns);
-        self.greet(clock, outbox);
-        self.announcer.step(&self.settings, &mut self.recorder, outbox);
-    }
-
-    fn report_health(
-        &mut self,
-        clock: &impl Clock,
-        vitals: &mut impl Vitals,
-        outbox: &mut OutboxProducer<'_>,
-    ) {
-        let (lost, high_water) = (self.recorder.lost(), self.recorder.high_water());
-        let health = self.pulse.take(clock.now_ns(), vitals.read(), lost, high_water);
-        self.recorder.put(outbox, &Record::Health(health));
     }
 }
 

@@ -22,6 +22,9 @@ pub struct Projected {
 
 /// Projects a circle. The shape is that of the affine map at the circle's centre, which is what a window
 /// needs.
+///
+/// # Errors
+/// As [`Lens::project`], of the circle's centre.
 pub fn project_circle(circle: &Circle, pose: &Pose, lens: &Lens) -> Result<Projected, LensError> {
     let point = pose.transform(&circle.point);
     let (centre, jacobian) = lens.project_with_jacobian(&point)?;

@@ -11,9 +11,9 @@ pub struct Circle {
     pub point: Vector3<f64>,
     /// Unit normal of the target's plane (its w axis), towards the camera.
     pub normal: Vector3<f64>,
-    /// Diameter of the ring's outer edge, mm.
+    /// Diameter of the ring's outer edge, or of the bright disc of a lit target, mm.
     pub outer_mm: f64,
-    /// Diameter of the ring's inner edge, mm.
+    /// Diameter of the ring's inner edge, mm; 0 of a disc.
     pub inner_mm: f64,
     /// Index of the target that it belongs to.
     pub target: u8,

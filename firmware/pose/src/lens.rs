@@ -71,11 +71,17 @@ impl Lens {
     }
 
     /// The pixel of a point in camera coordinates (mm).
+    ///
+    /// # Errors
+    /// The point is behind the camera, not finite, or where the distortion is not invertible.
     pub fn project(&self, point: &Vector3<f64>) -> Result<[f64; 2], LensError> {
         self.linearise(point.x, point.y, point.z).map(|l| l.at)
     }
 
     /// The pixel of a point in camera coordinates (mm) with its derivative by that point, px/mm.
+    ///
+    /// # Errors
+    /// As [`Lens::project`].
     pub fn project_with_jacobian(
         &self,
         point: &Vector3<f64>,
@@ -90,6 +96,9 @@ impl Lens {
     ///
     /// Newton's method, each step shortened until it leads nearer; the answer is distorted again and compared
     /// with the pixel before it is given.
+    ///
+    /// # Errors
+    /// The pixel is not finite, or no point in the invertible part is seen there.
     pub fn pixel_to_ray(&self, pixel: [f64; 2]) -> Result<[f64; 2], LensError> {
         let [u, v] = pixel;
         let target_y = (v - self.principal[1]) / self.focal[1];

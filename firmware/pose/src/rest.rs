@@ -20,6 +20,9 @@ const FULL_WEIGHT: f64 = 2.0;
 /// Each pose counts by its own covariance, less from twice the median distance to the mean, and from four
 /// times not at all. The covariance of the mean is enlarged where the poses scatter more than their own
 /// covariances say (vibration).
+///
+/// # Errors
+/// None or too many solutions, one whose pose or covariance is none, or a singular mean.
 pub fn rest_mean(solutions: &[Solution]) -> Result<RestPose, PoseError> {
     if solutions.is_empty() {
         return Err(PoseError::TooFew { circles: 0, needed: 1 });

@@ -144,6 +144,9 @@ fn moved_by(pose: &Pose, d: &Vector6<f64>) -> Pose {
 ///
 /// The covariance has in it that the motion is taken from noisy poses, and a guess of what a cubic cannot
 /// follow.
+///
+/// # Errors
+/// As [`solve`].
 pub fn solve_in_motion(
     observations: &[Observation],
     lens: &Lens,

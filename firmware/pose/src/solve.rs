@@ -54,6 +54,9 @@ impl Solution {
 
 /// The pose of `observations` (4 to 64). `prior` is the last pose, if there is one; a start from it that
 /// leads nowhere, or to a worse pose than a cold start would, costs time but never a wrong answer.
+///
+/// # Errors
+/// Why these observations have no pose, see [`PoseError`].
 pub fn solve(
     observations: &[Observation],
     lens: &Lens,

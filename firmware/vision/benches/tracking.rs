@@ -45,11 +45,14 @@ fn tracking(criterion: &mut Criterion) {
         group.bench_function(format!("{RINGS} rings of {diameter} px"), |bencher| {
             bencher.iter(|| tracker.track(black_box(&frame), &searches, &mut rings));
         });
-        let (start, rounds) = (Instant::now(), 200);
-        for _ in 0..rounds {
+        // The median, so that what else the machine does counts little.
+        let mut rounds = [(); 501].map(|()| {
+            let start = Instant::now();
             tracker.track(black_box(&frame), &searches, &mut rings);
-        }
-        let ns = start.elapsed().as_secs_f64() * 1e9 / f64::from(rounds);
+            start.elapsed().as_secs_f64() * 1e9
+        });
+        rounds.sort_by(f64::total_cmp);
+        let ns = rounds[rounds.len() / 2];
         println!("  {:.2} ns per window pixel, {:.2} us per ring", ns / pixels, ns / 1e3 / RINGS as f64);
     }
     group.finish();

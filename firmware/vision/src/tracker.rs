@@ -146,6 +146,9 @@ impl Tracker {
     }
 
     /// Looks for one ring in its window, once.
+    ///
+    /// # Errors
+    /// Why there is no ring that could be trusted.
     pub fn look(&mut self, frame: &Frame, search: &Search) -> Result<Ring, Refusal> {
         self.look_at(frame, search, search.at).map(|found| found.0).map_err(|miss| miss.refusal)
     }

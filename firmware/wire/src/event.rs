@@ -44,7 +44,8 @@ pub enum What<'a> {
         /// Why now.
         reason: LostReason,
     },
-    /// Frames that the source numbered but never delivered.
+    /// Frames that the source numbered but never delivered, or delivered torn: each of these has its own
+    /// event too.
     FramesMissed {
         /// How many.
         count: u32,

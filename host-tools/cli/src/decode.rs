@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use gangway_store::{Session, Tally, line, walk};
+use gangway_store::{Session, StoreError, Tally, foreign_version, line, walk};
 
 use crate::tell;
 
@@ -49,13 +49,18 @@ pub(crate) fn open(path: &std::path::Path) -> anyhow::Result<Session> {
 fn decode(name: &str, input: impl Read, mut out: impl Write, json: bool) -> anyhow::Result<()> {
     let mut tally = Tally::default();
     let mut written = Ok(());
+    let mut foreign = None;
     let walked = walk(input, |found| {
         tally.note(&found.decoded);
         written = writeln!(out, "{}", line(found, json));
-        if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        foreign = foreign_version(&found.decoded);
+        if written.is_ok() && foreign.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     })
     .with_context(|| format!("cannot read {name}"))?;
     written.and_then(|()| out.flush())?;
+    if let Some(version) = foreign {
+        return Err(StoreError::Foreign { what: name.to_owned(), version }.into());
+    }
     tally.wire = walked.counts;
     tally.unfinished = walked.unfinished;
     if walked.counts.records + walked.counts.newer == 0 {

@@ -108,13 +108,18 @@ fn ride(setup: &Setup, scene: &Arc<Scene>, rides: &Path) -> anyhow::Result<(Rece
     let identity =
         Identity { box_id: 0, boot_id: session_id, session_id, firmware: env!("CARGO_PKG_VERSION") };
     let settings = setup.settings();
-    let stop = AtomicBool::new(false);
+    let (stop_receiving, stop_playing) = (AtomicBool::new(false), AtomicBool::new(false));
     let (received, summary) = thread::scope(|scope| {
-        let receiving = scope.spawn(|| receiver.run(&stop, |_| {}, |_| {}));
+        let receiving = scope.spawn(|| {
+            let received = receiver.run(&stop_receiving, |_| {}, |_| {});
+            // Who is gone is waited for by nobody.
+            stop_playing.store(true, Ordering::Release);
+            received
+        });
         let play = Play::new(identity);
-        let summary = gangway_bench::run(&settings, source, server, &play, &AtomicBool::new(false), &|_| {});
+        let summary = gangway_bench::run(&settings, source, server, &play, &stop_playing, &|_| {});
         if summary.is_err() {
-            stop.store(true, Ordering::Relaxed);
+            stop_receiving.store(true, Ordering::Relaxed);
         }
         (receiving.join(), summary)
     });

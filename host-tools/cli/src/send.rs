@@ -15,7 +15,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ADDRESS")]
     to: Address,
     /// Longest wait for the answer, seconds.
-    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = seconds, global = true)]
     wait: Duration,
     #[command(subcommand)]
     command: What,

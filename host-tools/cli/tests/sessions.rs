@@ -255,6 +255,34 @@ fn decode_reads_standard_input_and_gives_json_lines() {
 }
 
 #[test]
+fn a_capture_of_a_later_version_of_the_wire_is_refused_in_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let hello = Record::Hello(gangway_wire::Hello {
+        wire_version: 2,
+        box_id: 1,
+        boot_id: 2,
+        session_id: 3,
+        name: "ride",
+        firmware: "9",
+        setup_digest: [0; 16],
+    });
+    let mut line = [0; MAX_FRAME];
+    let length = encode(&hello, 0, &mut line).unwrap();
+    std::fs::write(dir.path().join("ride.gw"), &line[..length]).unwrap();
+    for args in
+        [&["decode", "ride.gw"][..], &["export", "ride.gw", "--out", "a.csv"], &["evaluate", "ride.gw"]]
+    {
+        let output = run(dir.path(), args);
+        assert_eq!((code(&output), stderr(&output).lines().count()), (Some(1), 1), "{}", stderr(&output));
+        assert!(
+            stderr(&output).contains("ride.gw: was sent in version 2 of the wire"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+#[test]
 fn a_reader_that_has_seen_enough_is_no_failure() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("ride.gw"), ride(1, 20_000, true)).unwrap();
@@ -327,7 +355,8 @@ fn a_ping_is_printed_with_both_clocks_and_a_silent_box_is_said() {
     let output = run(dir.path(), &["send", "--to", &to, "ping"]);
     assert_eq!(code(&output), Some(0), "{}", stderr(&output));
     assert!(stdout(&output).starts_with("box clock 1234567 ns, host clock "), "{}", stdout(&output));
-    let output = run(dir.path(), &["send", "--to", &to, "--wait", "0.2", "set-rest"]);
+    // The wait may stand on either side of the command.
+    let output = run(dir.path(), &["send", "--to", &to, "set-rest", "--wait", "0.2"]);
     assert_eq!((code(&output), stderr(&output).lines().count()), (Some(1), 1));
     assert!(stderr(&output).contains("did not answer"), "{}", stderr(&output));
 }

@@ -48,6 +48,8 @@ pub struct Frames {
     pub waiting: usize,
     /// After it, without a pose; left out.
     pub without_pose: usize,
+    /// Of these, taken while the lamps of lit targets were dark or being switched.
+    pub unlit: usize,
     /// With a pose that the reference has no row for; left out.
     pub not_in_reference: usize,
     /// In the statistics.
@@ -204,6 +206,8 @@ fn count_frames(rows: &[Row], reference: Option<&Reference>) -> Frames {
         let count = if row.is_waiting() {
             &mut frames.waiting
         } else if row.measured.is_none() {
+            let dims = [PoseFlags::DARK, PoseFlags::SWITCHED];
+            frames.unlit += usize::from(dims.iter().any(|flag| row.flags.contains(*flag)));
             &mut frames.without_pose
         } else if reference.is_some() && row.truth.is_none() {
             &mut frames.not_in_reference

@@ -96,7 +96,7 @@ impl Evaluation {
         }
     }
 
-    /// Counts, rate and flags, a sentence each.
+    /// Counts, rate and flags, a sentence each; a long one has its line break in it.
     pub(crate) fn notes(&self) -> Vec<String> {
         let f = self.frames;
         let mut notes = Vec::new();
@@ -106,6 +106,9 @@ impl Evaluation {
         }
         let _ =
             write!(counts, ", {} waiting for the rest pose, {} without a pose", f.waiting, f.without_pose);
+        if f.unlit > 0 {
+            let _ = write!(counts, " ({} of them while the lamps were dark or switched)", f.unlit);
+        }
         if self.reference.is_some() {
             let _ = write!(counts, ", {} not in the truth", f.not_in_reference);
         }
@@ -142,11 +145,8 @@ impl Evaluation {
         }
         if self.deviation.is_some() {
             notes.push(
-                "1, 2, 3 sigma: share of frames within so many of their own stated standard deviations (68.3, 95.4, 99.7 % if normal;"
-                    .to_owned(),
-            );
-            notes.push(
-                "the rest pose's own part is common to the whole ride, so that one ride alone may lie above or below)."
+                "1, 2, 3 sigma: share of frames within so many of their own stated standard deviations (68.3, 95.4, 99.7 % if\n\
+                 normal; the rest pose's own part is common to the whole ride, so that one ride alone may lie above or below)."
                     .to_owned(),
             );
         }

@@ -113,6 +113,9 @@ fn frames_without_a_pose_are_counted_and_so_is_the_longest_stretch_of_them() {
             if [3, 4].contains(&frame) {
                 (sample.measured, sample.flags) = (None, PoseFlags::FEW_MARKERS);
             }
+            if frame >= 4 {
+                sample.flags |= PoseFlags::DARK;
+            }
             sample
         })
         .to_vec();
@@ -120,8 +123,11 @@ fn frames_without_a_pose_are_counted_and_so_is_the_longest_stretch_of_them() {
     // of it.
     let reference =
         Reference::new("truth.csv", [0, 1, 2, 3, 4, 5, 6, 7, 8, 20].map(|f| (f, [0.0; 6]))).unwrap();
-    let frames = evaluate("ride", &samples, Some(&reference)).unwrap().frames;
-    assert_eq!((frames.all, frames.compared, frames.without_pose), (7, 4, 2));
+    let evaluation = evaluate("ride", &samples, Some(&reference)).unwrap();
+    let frames = evaluation.frames;
+    assert_eq!((frames.all, frames.compared, frames.without_pose, frames.unlit), (7, 4, 2, 1));
+    let said = "2 without a pose (1 of them while the lamps were dark or switched), 1 not in the truth.";
+    assert!(evaluation.table().contains(said), "{}", evaluation.table());
     assert_eq!((frames.not_in_reference, frames.not_in_session), (1, 2));
     assert_eq!(evaluate("ride", &samples, None).unwrap().longest_gap_frames, 2);
     assert_eq!(evaluate("ride", &samples[..4], None).unwrap().longest_gap_frames, 2, "the gap is at the end");

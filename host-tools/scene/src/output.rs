@@ -84,6 +84,9 @@ impl Drop for Temporary {
 impl Scene {
     /// Writes frames, truth and setup into a directory, which is made if need be. `done` is told after each
     /// frame how many are complete.
+    ///
+    /// # Errors
+    /// A file cannot be written; what was begun is taken away again.
     pub fn write(
         &self,
         into: &Path,
@@ -168,6 +171,9 @@ impl Scene {
     }
 
     /// A frame as a PNG file.
+    ///
+    /// # Errors
+    /// The encoder's; there are none in memory.
     pub fn png(&self, frame: u32) -> io::Result<Vec<u8>> {
         let mut samples = Vec::new();
         self.render(frame, &mut samples);

@@ -40,6 +40,9 @@ pub struct Scene {
 impl Scene {
     /// Reads a scene's text. `name` is its file: it stands in messages, and a motion table is looked for
     /// beside it.
+    ///
+    /// # Errors
+    /// A mistake in the scene or in its motion table.
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
         let file = SceneFile::parse(text, name)?;
         // An error in the motion table has its own file and line and goes past `Mistake`.
@@ -91,6 +94,9 @@ impl Scene {
     }
 
     /// Reads a scene file.
+    ///
+    /// # Errors
+    /// The file cannot be read, and as [`Scene::parse`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let text =
             std::fs::read_to_string(path).map_err(|why| SceneError::Read { file: path.to_owned(), why })?;
@@ -98,6 +104,9 @@ impl Scene {
     }
 
     /// One of the scenes of [`BUILTIN`].
+    ///
+    /// # Errors
+    /// There is no scene of that name.
     pub fn builtin(name: &str) -> Result<Self, SceneError> {
         match BUILTIN.iter().find(|(known, _)| *known == name) {
             Some((name, text)) => Self::parse(text, &format!("{name}.toml")),

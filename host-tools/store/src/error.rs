@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gangway_wire::WIRE_VERSION;
+
 /// Why something about a session could not be done.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -57,6 +59,17 @@ pub enum StoreError {
         path: PathBuf,
         /// What is missing and what would do.
         why: String,
+    },
+    /// Records of a later version of the wire.
+    #[error(
+        "{what}: was sent in version {version} of the wire, and this program reads version {WIRE_VERSION} only; take a \
+         newer gangway"
+    )]
+    Foreign {
+        /// The session or capture.
+        what: String,
+        /// The version.
+        version: u16,
     },
     /// A capture that holds several sessions.
     #[error(

@@ -38,6 +38,6 @@ pub use receive::{Received, Receiver, Until};
 pub use rows::{MARKER_COLUMNS, MarkerRow, POSE_COLUMNS, PoseRow, flag_words, numbers};
 pub use scan::{Found, Walk, walk};
 pub use session::{INDEX, IndexState, Missing, Recovery, STREAM, Session};
-pub use tally::Tally;
+pub use tally::{Tally, foreign_version};
 pub use text::line;
 pub use writer::{SYNC_PERIOD, SessionWriter};

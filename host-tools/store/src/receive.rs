@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use gangway_wire::{Counts, Decoded, Record};
+use gangway_wire::{Counts, Decoded, Record, WIRE_VERSION};
 
 use crate::index::{Entry, Seconds};
 use crate::scan::{Found, Scanner};
@@ -80,6 +80,7 @@ impl Receiver {
         let mut buffer = vec![0; 1 << 16];
         let began = Instant::now();
         let mut last_bytes = began;
+        let mut foreign_said = 0;
         let why = loop {
             if stop.load(Ordering::Relaxed) {
                 break "stopped";
@@ -99,6 +100,15 @@ impl Receiver {
                         done(&one);
                         received.push(one);
                     })?;
+                    let version = ingest.tally.wire_version;
+                    if version > WIRE_VERSION && version != foreign_said {
+                        foreign_said = version;
+                        say(&format!(
+                            "{}: the box speaks version {version} of the wire, and this program reads version \
+                             {WIRE_VERSION} only; all of it is stored for a newer gangway",
+                            self.address
+                        ));
+                    }
                 }
                 Got::Nothing if ended && last_bytes.elapsed() >= AFTER_END => break "the box ended",
                 Got::Nothing => {}
@@ -171,6 +181,7 @@ impl<'p> Ingest<'p> {
             let Some(found) = found else { continue };
             if let Decoded::Record { record: Record::Hello(hello), .. } = &found.decoded {
                 let named = [hello.box_id, hello.boot_id, hello.session_id];
+                let wire_version = hello.wire_version;
                 match (self.sender.replace(named), &mut self.writer) {
                     (Some(known), _) if known == named => {}
                     (None, Some(writer)) => writer.introduce(hello)?,
@@ -187,6 +198,7 @@ impl<'p> Ingest<'p> {
                         self.begin(next, line);
                     }
                 }
+                self.tally.wire_version = self.tally.wire_version.max(wire_version);
                 continue;
             }
             note(&found, &before, &mut self.seconds, &mut self.tally, &mut entries);

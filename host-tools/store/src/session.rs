@@ -8,13 +8,13 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use gangway_wire::{Decoded, Pose, Record, Rest};
+use gangway_wire::{Decoded, Pose, Record, Rest, WIRE_VERSION};
 
 use crate::index::{self, Entry, Seconds};
 use crate::meta::{Meta, replace};
 use crate::pieces::Pieces;
 use crate::scan::{Found, Walk, walk, walk_from};
-use crate::tally::{Tally, moment};
+use crate::tally::{Tally, foreign_version, moment};
 use crate::{MarkerRow, StoreError};
 
 /// The bytes as they were received, append-only.
@@ -107,7 +107,8 @@ impl Session {
     /// Opens a session's folder or a capture and says what was cut off.
     ///
     /// # Errors
-    /// Something else than a session; a session that is being received; a capture with several sessions.
+    /// Something else than a session; a session that is being received; one of a later version of the wire; a
+    /// capture with several sessions.
     pub fn open(path: impl AsRef<Path>) -> Result<(Self, Recovery), StoreError> {
         let path = path.as_ref();
         let about = fs::metadata(path).map_err(|e| StoreError::io("open", path, e))?;
@@ -133,12 +134,15 @@ impl Session {
     /// Reads a capture once: it must be one session.
     fn survey(&mut self) -> Result<Recovery, StoreError> {
         let mut sessions = BTreeSet::new();
+        let mut foreign = None;
         let walk = self.walk(|found| {
+            foreign = foreign.or_else(|| foreign_version(&found.decoded));
             if let Decoded::Record { record: Record::Hello(hello), .. } = &found.decoded {
                 sessions.insert((hello.box_id, hello.boot_id, hello.session_id));
             }
             ControlFlow::Continue(())
         })?;
+        self.refuse(foreign)?;
         let records = walk.counts.records + walk.counts.newer;
         let path = self.path.clone();
         match sessions.len() {
@@ -155,8 +159,32 @@ impl Session {
         Ok(Recovery { bytes: walk.bytes, records, unfinished: walk.unfinished, ..Recovery::default() })
     }
 
+    /// Refuses what is of a version of the wire that this program does not read.
+    fn refuse(&self, foreign: Option<u16>) -> Result<(), StoreError> {
+        let what = || self.path.display().to_string();
+        foreign.map_or(Ok(()), |version| Err(StoreError::Foreign { what: what(), version }))
+    }
+
+    /// The sender's version of the wire, if it is a later one: from the notes, or where they are gone from the first
+    /// `Hello`.
+    fn foreign_sender(&self) -> Result<Option<u16>, StoreError> {
+        if let Some(sender) = self.meta.as_ref().and_then(|meta| meta.sender.as_ref()) {
+            return Ok(Some(sender.wire_version).filter(|version| *version > WIRE_VERSION));
+        }
+        let mut foreign = None;
+        self.walk(|found| match &found.decoded {
+            Decoded::Record { record: Record::Hello(_), .. } => {
+                foreign = foreign_version(&found.decoded);
+                ControlFlow::Break(())
+            }
+            _ => ControlFlow::Continue(()),
+        })?;
+        Ok(foreign)
+    }
+
     /// Checks the index against the stream, continues it or makes it again, and says what is missing.
     fn recover(&mut self) -> Result<Recovery, StoreError> {
+        self.refuse(self.foreign_sender()?)?;
         let path = self.path.join(INDEX);
         let (entries, mut state) = match fs::read(&path) {
             Ok(bytes) => match index::from_bytes(&bytes) {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use gangway_wire::{Counts, Decoded, Record, What};
+use gangway_wire::{Counts, Decoded, Record, WIRE_VERSION, What};
 
 /// Counts over a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub struct Tally {
     pub unfinished: u64,
     /// What the decoder counted: records, damage, gaps.
     pub wire: Counts,
+    /// Highest version of the wire that a `Hello` named, 0 without one.
+    pub wire_version: u16,
     /// Frames with a `Pose` record.
     pub frames: u64,
     /// Of these, the ones with a motion.
@@ -23,7 +25,7 @@ pub struct Tally {
     pub rests: u64,
     /// Marks given.
     pub marks: u64,
-    /// Frames that the source numbered but never delivered.
+    /// Frames that the source numbered but never delivered whole.
     pub frames_missed: u64,
     /// Frames that came torn or of another size.
     pub frames_corrupt: u64,
@@ -45,6 +47,17 @@ pub struct Tally {
     pub last: Option<(u32, u64)>,
 }
 
+/// The version of the wire that a record names, if this program cannot read it: what else is on such a line is not
+/// guessed at.
+pub fn foreign_version(decoded: &Decoded<'_>) -> Option<u16> {
+    match decoded {
+        Decoded::Record { record: Record::Hello(hello), .. } => {
+            Some(hello.wire_version).filter(|version| *version > WIRE_VERSION)
+        }
+        _ => None,
+    }
+}
+
 /// Frame and time of a record, as far as it has both.
 pub(crate) fn moment(record: &Record<'_>) -> Option<(u32, u64)> {
     match record {
@@ -59,6 +72,7 @@ impl Tally {
     pub fn note(&mut self, decoded: &Decoded<'_>) {
         let Decoded::Record { record, .. } = decoded else { return };
         match record {
+            Record::Hello(hello) => self.wire_version = self.wire_version.max(hello.wire_version),
             Record::Pose(pose) => {
                 self.frames += 1;
                 self.poses += u64::from(pose.motion.is_some());

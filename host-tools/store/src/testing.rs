@@ -44,6 +44,15 @@ pub(crate) fn pose(frame: u32) -> Pose {
     }
 }
 
+/// A ride as a box of the next version of the wire might send it.
+pub(crate) fn foreign_ride() -> Vec<u8> {
+    let (mut bytes, mut sequence) = (Vec::new(), 0);
+    let Record::Hello(hello) = hello(1) else { return bytes };
+    put(&mut bytes, &mut sequence, &Record::Hello(Hello { wire_version: 2, ..hello }));
+    put(&mut bytes, &mut sequence, &Record::Pose(pose(0)));
+    bytes
+}
+
 /// Hello, a setup, started, `frames` times pose and markers, ended.
 pub(crate) fn ride(session_id: u64, frames: u32) -> Vec<u8> {
     ride_of(session_id, 0..frames)

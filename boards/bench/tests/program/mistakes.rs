@@ -31,6 +31,7 @@ fn a_wrong_command_line_is_a_usage_error() {
         (&["--frames", "ride.y4m", "--to", "file:a", "--fault", "blur:1"], "'blur' is no fault"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--wait", "soon"], "number of seconds"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--repeat", "0"], "--repeat"),
+        (&["--frames", "ride.y4m", "--to", "file:a", "--box-id", "9a"], "hexadecimal digits"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--measure"], "--measure"),
     ] {
         let (code, said) = complaint(&ride, arguments);

@@ -56,6 +56,14 @@ pub(crate) fn rig() -> Scene {
     }
 }
 
+/// The rig with the target at the back brought forward into the plane of the others: 28 circles in one plane.
+#[allow(dead_code, reason = "not every test needs it")]
+pub(crate) fn flat() -> Scene {
+    let mut scene = rig();
+    scene.points.iter_mut().for_each(|point| point.x = 0.0);
+    scene
+}
+
 /// One 5-CCC and two 7-CCC at 1.65 m.
 pub(crate) fn ride() -> Scene {
     let mut points = five([420.0, 0.0, 560.0], 60.0, 62.0);

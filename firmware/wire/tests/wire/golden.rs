@@ -478,8 +478,48 @@ fn the_specification_gives_every_number() {
         format!("| Event | {} |", size::EVENT),
         format!("| Health | {} |", size::HEALTH),
         format!("| TimeSync | {} |", size::TIME_SYNC),
+        format!("| Pong | {} |", size::PONG),
+        format!("| SetRest | {} |", size::SET_REST),
+        format!("| Mark | {} |", size::MARK),
+        format!("| Ping | {} |", size::PING),
     ];
     for row in sizes {
+        assert!(SPECIFICATION.contains(&row), "{row}");
+    }
+    let flags = [
+        (PoseFlags::WAITING, "waiting"),
+        (PoseFlags::FEW_MARKERS, "too few circles"),
+        (PoseFlags::NO_SOLUTION, "enough circles, but no solution"),
+        (PoseFlags::AMBIGUOUS, "ambiguous"),
+        (PoseFlags::OUTLIERS, "outliers"),
+        (PoseFlags::BEYOND_LIMITS, "the motion is beyond"),
+        (PoseFlags::AFTER_GAP, "frames are missing before this one"),
+        (PoseFlags::CORRUPT, "the frame was torn"),
+        (PoseFlags::SPARSE, "fewer than 7 in 10"),
+        (PoseFlags::DARK, "dark"),
+        (PoseFlags::SWITCHED, "the lamps were switched"),
+        (PoseFlags::CAMERA_MOVED, "the camera may have moved"),
+        (PoseFlags::UNREFERENCED, "there are reference targets"),
+    ];
+    for (PoseFlags(flag), says) in flags {
+        let row = format!("\n| {} | {flag} | {says}", flag.ilog2());
+        assert!(SPECIFICATION.contains(&row), "{row}");
+    }
+    let reasons = [
+        (LostReason::OutsidePicture, "its window is outside the picture"),
+        (LostReason::LowContrast, "there is too little contrast"),
+        (LostReason::NotFound, "no ring is in the window"),
+        (LostReason::CutByPicture, "it is cut by the picture's edge"),
+        (LostReason::CutByWindow, "it is cut by the window's edge"),
+        (LostReason::Saturated, "it is saturated"),
+        (LostReason::Outline, "size, ratio or outline do not fit"),
+        (LostReason::Neighbour, "it could be a neighbour"),
+        (LostReason::Residual, "it does not fit the pose of the others"),
+        (LostReason::Unlit, "its lamp does not shine"),
+        (LostReason::Other, "other"),
+    ];
+    for (reason, says) in reasons {
+        let row = format!("\n| {} | {says} |", reason as u8);
         assert!(SPECIFICATION.contains(&row), "{row}");
     }
 }

@@ -7,3 +7,4 @@ mod line_load;
 mod newer;
 mod portions;
 mod round_trip;
+mod specification;

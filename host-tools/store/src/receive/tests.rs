@@ -38,6 +38,30 @@ fn bytes_are_stored_as_they_came() {
 }
 
 #[test]
+fn a_later_version_of_the_wire_is_stored_and_said_but_not_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let (file, into) = (dir.path().join("ride.gw"), dir.path().join("rides"));
+    std::fs::write(&file, testing::foreign_ride()).unwrap();
+    let mut said = Vec::new();
+    let receiver = Receiver::open(&Address::File(file.clone()), &into, Until::default()).unwrap();
+    let got = receiver.run(&AtomicBool::new(false), |what| said.push(what.to_owned()), |_| ()).unwrap();
+    assert_eq!((got.len(), stream(&got[0])), (1, testing::foreign_ride()));
+    let said: Vec<_> = said.iter().filter(|what| what.contains("version 2 of the wire")).collect();
+    assert_eq!(said.len(), 1, "{said:?}");
+    // Where the notes are gone, the stream tells.
+    for gone in ["", "session.json", "index.gwi"] {
+        let _ = std::fs::remove_file(got[0].folder.join(gone));
+        let refused = Session::open(&got[0].folder).unwrap_err().to_string();
+        assert!(
+            refused.contains("version 2 of the wire, and this program reads version 1 only"),
+            "{refused}"
+        );
+    }
+    let refused = Session::open(&file).unwrap_err().to_string();
+    assert!(refused.ends_with("version 1 only; take a newer gangway"), "{refused}");
+}
+
+#[test]
 fn a_new_session_of_the_box_begins_a_new_folder() {
     let dir = tempfile::tempdir().unwrap();
     let rides = [ride(1, 60), ride(2, 5), ride(1, 10)];
