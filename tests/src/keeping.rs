@@ -30,7 +30,18 @@ pub struct Worst {
     rank: (usize, bool, f64),
 }
 
-/// What came of one scene.
+/// What a frame cost.
+#[derive(Clone, Copy, Debug)]
+pub struct Cost {
+    /// Least processor time of some plays, us.
+    pub us: f64,
+    /// Counted work.
+    pub work: u32,
+    /// It has a pose, and so has the last one before it with enough rings free: nothing was searched for.
+    pub tracks: bool,
+}
+
+/// What came of one scene. Frames with enough rings free have a pose or are `first`, `again` or `lost`.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// Frames in all.
@@ -39,14 +50,16 @@ pub struct Outcome {
     pub enough: usize,
     /// ... and of these the ones with a pose.
     pub poses: usize,
-    /// Most frames with enough rings free before the first pose.
-    pub first: usize,
+    /// Frames with enough rings free before the first pose of all, in which nothing was known yet: all, and the most of a seed.
+    pub first: [usize; 2],
+    /// Frames with enough rings free again and no pose yet: all, and the most on end.
+    pub again: [usize; 2],
+    /// Frames with enough rings free and no pose, the last such frame having had one: all, and the most on end.
+    pub lost: [usize; 2],
     /// Frames whose motion is marked: the camera may have moved, or reference targets are hidden.
     pub marked: usize,
     /// Wrong rings in poses.
     pub wrong: usize,
-    /// Most frames on end with enough rings free and no pose, after the first one.
-    pub longest: usize,
     /// Most frames on end with a pose in which one and the same ring was missing that was free and not clipped.
     pub ring_longest: usize,
     /// Largest error of an unmarked displacement, mm, with its standard deviation.
@@ -55,10 +68,8 @@ pub struct Outcome {
     pub off_deg: [f64; 2],
     /// Largest error in its own standard deviations.
     pub most_sigmas: f64,
-    /// Processor time of each frame, us.
-    pub cost_us: Vec<f64>,
-    /// Counted work of each frame.
-    pub work: Vec<u32>,
+    /// What each frame cost.
+    pub costs: Vec<Cost>,
     /// The frame to look at.
     pub worst: Worst,
 }
@@ -71,8 +82,12 @@ impl Outcome {
         self.poses += other.poses;
         self.marked += other.marked;
         self.wrong += other.wrong;
-        self.first = self.first.max(other.first);
-        self.longest = self.longest.max(other.longest);
+        let counts =
+            [(&mut self.first, other.first), (&mut self.again, other.again), (&mut self.lost, other.lost)];
+        for ([all, most], [new, new_most]) in counts {
+            *all += new;
+            *most = new_most.max(*most);
+        }
         self.ring_longest = self.ring_longest.max(other.ring_longest);
         for (most, new) in [(&mut self.off_mm, other.off_mm), (&mut self.off_deg, other.off_deg)] {
             if new[0] > most[0] {
@@ -80,26 +95,55 @@ impl Outcome {
             }
         }
         self.most_sigmas = self.most_sigmas.max(other.most_sigmas);
-        self.cost_us.extend(other.cost_us);
-        self.work.extend(other.work);
+        self.costs.extend(other.costs);
         if other.worst.rank > self.worst.rank {
             self.worst = other.worst;
         }
     }
 
-    /// Cost of a frame at the median and at most, us.
-    pub fn cost(&self) -> [f64; 2] {
-        let mut sorted = self.cost_us.clone();
-        sorted.sort_by(f64::total_cmp);
-        [sorted.get(sorted.len() / 2), sorted.last()].map(|cost| cost.copied().unwrap_or(0.0))
+    /// Processor time of the median frame of those that track, if there are any, and of the slowest frame of all, us.
+    pub fn cost_us(&self) -> (Option<f64>, f64) {
+        self.median_and_most(|cost| cost.us)
     }
 
-    /// Greatest counted work of a frame over that of the median frame: the same in every run.
-    pub fn most_work(&self) -> f64 {
-        let mut sorted = self.work.clone();
-        sorted.sort_unstable();
-        let [median, most] = [sorted.get(sorted.len() / 2), sorted.last()];
-        most.zip(median).map_or(0.0, |(most, median)| f64::from(*most) / f64::from(*median))
+    /// Greatest counted work of a frame over that of the median frame of those that track: the same in every run.
+    pub fn most_work(&self) -> Option<f64> {
+        let (median, most) = self.median_and_most(|cost| f64::from(cost.work));
+        median.map(|median| most / median)
+    }
+
+    fn median_and_most(&self, of: impl Fn(&Cost) -> f64) -> (Option<f64>, f64) {
+        let mut tracking: Vec<f64> = self.costs.iter().filter(|cost| cost.tracks).map(&of).collect();
+        tracking.sort_by(f64::total_cmp);
+        (tracking.get(tracking.len() / 2).copied(), self.costs.iter().map(of).fold(0.0, f64::max))
+    }
+
+    /// Most frames on end with enough rings free and no pose, after the first one.
+    pub fn longest(&self) -> usize {
+        self.again[1].max(self.lost[1])
+    }
+
+    /// Takes note of a frame with enough rings free, or without.
+    fn note(&mut self, is_enough: bool, has_pose: bool, without: &mut Without) {
+        if !is_enough {
+            // Nothing in its windows, and rightly so.
+            without.is_blocked |= !has_pose;
+            without.frames = 0;
+            return;
+        }
+        self.enough += 1;
+        if has_pose {
+            self.poses += 1;
+            *without = Without::default();
+            return;
+        }
+        without.frames += 1;
+        let into = match without.is_blocked {
+            _ if self.poses == 0 => &mut self.first,
+            true => &mut self.again,
+            false => &mut self.lost,
+        };
+        *into = [into[0] + 1, into[1].max(without.frames)];
     }
 
     /// Compares a motion with the truth.
@@ -128,8 +172,17 @@ impl Outcome {
     }
 }
 
+/// Frames on end without a pose.
+#[derive(Default)]
+struct Without {
+    /// With enough rings free.
+    frames: usize,
+    /// Too few were free in one of them.
+    is_blocked: bool,
+}
+
 /// How often a ride is played: the least cost of each frame is what it takes, the rest is what else the machine does.
-const PLAYS: usize = 3;
+const PLAYS: usize = 7;
 
 /// Plays one seed of a scene.
 pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
@@ -138,7 +191,8 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
     ride.settings.lamps = keeping.lamps;
     let mut frame_loop: Loop<'_> = ride.start();
     let mut outcome = Outcome { frames: ride.frames.len(), ..Outcome::default() };
-    let mut without = 0;
+    let mut without = Without::default();
+    let mut was_kept = false;
     let mut missed = vec![0; ride.settings.circles.len()];
     let costs =
         (1..PLAYS).map(|_| costs(&ride)).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect());
@@ -150,8 +204,7 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         let start = thread_us();
         frame_loop.step_without_reading(frame, frame as u32);
         let cost = thread_us() - start;
-        outcome.work.push(frame_loop.engine.take_work());
-        outcome.cost_us.push(costs.as_ref().map_or(cost, |costs| cost.min(costs[frame])));
+        let work = frame_loop.engine.take_work();
         frame_loop.read(|_, _, record| match record {
             Record::Pose(measured) => pose = Some(*measured),
             Record::Markers(markers) => {
@@ -174,14 +227,11 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
             outcome.ring_longest = outcome.ring_longest.max(*missed);
         }
         let is_enough = sights.iter().filter(|sight| **sight != Sight::Hidden).count() >= ENOUGH;
+        outcome.note(is_enough, has_pose, &mut without);
+        let us = costs.as_ref().map_or(cost, |costs| cost.min(costs[frame]));
+        outcome.costs.push(Cost { us, work, tracks: has_pose && was_kept });
+        was_kept = if is_enough { has_pose } else { was_kept };
         let missing = is_enough && !has_pose;
-        if is_enough {
-            outcome.enough += 1;
-            outcome.poses += usize::from(has_pose);
-        }
-        without = if missing { without + 1 } else { 0 };
-        let longest = if outcome.poses == 0 { &mut outcome.first } else { &mut outcome.longest };
-        *longest = without.max(*longest);
         // Before they are found first there is nothing to look at.
         let rank = (wrong, missing && outcome.poses > 0, sigmas);
         if rank >= outcome.worst.rank {

@@ -11,21 +11,23 @@ use crate::windows::Sight;
 
 /// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
 pub(crate) const WORK_A_RING: u32 = 45_000;
-/// Tracking of 28 rings.
-const TRACKING: u32 = 28 * WORK_A_RING;
+/// Fewest rings whose tracking a slice is measured by: with slices as small as fewer need it would take long to be found.
+const LEAST_RINGS: usize = 18;
 
-/// Work of a frame that nothing is known in. A picture of 1920 x 1080 takes two to four such slices, by the size of its
-/// rings, and one more to be assigned.
-const WORK_A_FRAME: u32 = TRACKING * 13 / 10;
-/// Of that goes into windows that were looked into and showed too little. Those of a pose that was found are looked into
-/// in the same frame: with them it is at most 2.5 times the tracking.
-const WORK_OF_WINDOWS: u32 = TRACKING * 8 / 10;
-/// Work beside windows that show something, but are in doubt: of the look around them and the search together ...
-const WORK_IN_DOUBT: u32 = TRACKING * 5 / 10;
+// Shares of the tracking of all rings, in tenths, so that no frame comes to more than three times that.
+/// Of sweeping the picture in a frame that nothing is known in: one of 1920 x 1080 is swept in one or two.
+const SWEEPING: i32 = 22;
+/// Of assigning what was seen, with the sweep's end in the same frame: the windows of a pose that was found are looked into
+/// too, and cost somewhat more than those that are predicted.
+const ASSIGNING: i32 = 16;
+/// Of that goes into windows that were looked into and showed too little, of sweeping and of assigning.
+const EMPTY_WINDOWS: [i32; 2] = [10, 7];
+/// Beside windows that show something, but are in doubt: of the look around them and the search together ...
+const IN_DOUBT: i32 = 8;
 /// ... and of the search in any case, so that it goes on.
-const WORK_AT_LEAST: u32 = TRACKING / 10;
+const AT_LEAST: i32 = 1;
 /// Of taking the rings around a pose that they contradict for the circles: a jump must not cost the frame.
-const WORK_OF_ASSIGNING: u32 = TRACKING * 12 / 10;
+const ASSIGNING_AROUND: i32 = 12;
 
 /// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
 /// takes half as long, and one for all, in turn.
@@ -52,11 +54,13 @@ pub(crate) enum Windows {
 /// The search with its working memory.
 pub(crate) struct Acquirer {
     acquisition: Acquisition,
+    /// A tenth of the tracking of all rings.
+    tenth: i32,
     /// The rings around the windows of this picture.
     around: Vec<Sighting, MAX_SIGHTINGS>,
     /// Work that this frame has left for the search, if it was begun with the look around, and all that it took.
-    left: Option<u32>,
-    spent: u32,
+    left: Option<i32>,
+    spent: i32,
     /// The rings of the last sweep that are not known to be of the other carbody.
     sightings: Vec<Sighting, MAX_SIGHTINGS>,
     assigner: Assigner,
@@ -84,6 +88,7 @@ impl Acquirer {
         let acquisition = if has_discs { acquisition.with_discs() } else { acquisition };
         Self {
             acquisition: if twice { acquisition.twice() } else { acquisition },
+            tenth: WORK_A_RING as i32 * sight.settings.circles.len().max(LEAST_RINGS) as i32 / 10,
             around: Vec::new(),
             left: None,
             spent: 0,
@@ -128,26 +133,31 @@ impl Acquirer {
         if let Some(found) = self.again.take() {
             return found;
         }
-        let whole = match windows {
-            Windows::None => WORK_A_FRAME,
-            Windows::Empty => WORK_A_FRAME - WORK_OF_WINDOWS,
-            Windows::InDoubt => self.left.take().unwrap_or(WORK_IN_DOUBT).max(WORK_AT_LEAST),
+        let [whole, assigning] = match windows {
+            Windows::None => [SWEEPING, ASSIGNING].map(|tenths| tenths * self.tenth),
+            Windows::Empty => {
+                [SWEEPING - EMPTY_WINDOWS[0], ASSIGNING - EMPTY_WINDOWS[1]].map(|tenths| tenths * self.tenth)
+            }
+            Windows::InDoubt => {
+                let left = self.left.take().unwrap_or(IN_DOUBT * self.tenth);
+                [left.max(AT_LEAST * self.tenth); 2]
+            }
         };
         let mut work = whole;
-        let progress = self.go_on(frame, sight, others, is_plausible, &mut work);
+        let progress = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
         self.spent += whole - work;
         self.again = (self.twice && matches!(progress, Progress::Assigned(_))).then_some(progress);
         progress
     }
 
-    /// Sweeps on, then assigns what was seen.
+    /// Sweeps on, then assigns what was seen, for which `held` of the work is not there.
     fn go_on(
         &mut self,
         frame: &Frame<'_>,
         sight: &Sight<'_>,
         others: &[Search],
         is_plausible: &dyn Fn(&Pose) -> bool,
-        work: &mut u32,
+        (work, held): (&mut i32, i32),
     ) -> Progress {
         if !self.assigning {
             let begins = !self.acquisition.is_going();
@@ -165,7 +175,9 @@ impl Acquirer {
             self.assigner.begin(&self.sightings);
             self.assigning = true;
         }
+        *work -= held;
         let progress = self.assigner.advance(&view(sight, is_plausible), work);
+        *work += held;
         self.assigning = progress == Progress::Going;
         progress
     }
@@ -177,13 +189,14 @@ impl Acquirer {
         sight: &Sight<'_>,
         is_plausible: &dyn Fn(&Pose) -> bool,
     ) -> Option<Assigned> {
-        let mut work = WORK_OF_ASSIGNING;
+        let whole = ASSIGNING_AROUND * self.tenth;
+        let mut work = whole;
         if self.assigning {
             self.restart();
         }
         self.assigner.begin(&self.around);
         let progress = self.assigner.advance(&view(sight, is_plausible), &mut work);
-        self.spent += WORK_OF_ASSIGNING - work;
+        self.spent += whole - work;
         if let Progress::Assigned(found) = progress { Some(found) } else { None }
     }
 
@@ -196,21 +209,22 @@ impl Acquirer {
         others: &[Search],
     ) -> Option<&[Sighting]> {
         self.around.clear();
-        let mut work = WORK_IN_DOUBT;
+        let whole = IN_DOUBT * self.tenth;
+        let mut work = whole;
         let mut is_whole = true;
         for target in searches.chunk_by(|a, b| a.target == b.target) {
             let Some(part) = part_around(target, (frame.width(), frame.height())) else { continue };
             is_whole &= self.acquisition.look_in(frame, &part, &mut self.around, &mut work);
         }
         self.around.retain(|ring| !is_taken(ring, others));
-        self.spent += WORK_IN_DOUBT - work;
+        self.spent += whole - work;
         self.left = Some(work);
         is_whole.then_some(&self.around)
     }
 
     /// Work since this was asked last.
     pub(crate) fn take_spent(&mut self) -> u32 {
-        core::mem::take(&mut self.spent)
+        core::mem::take(&mut self.spent).max(0) as u32
     }
 
     /// The rings of the last sweep.

@@ -12,7 +12,7 @@ use heapless::Vec;
 use crate::assign::group::{Group, MAX_GROUPS, Searcher};
 use crate::assign::hypothesis::Rivals;
 use crate::assign::layout::Layout;
-use crate::{Circle, Lens, Pose, Settings, Sighting};
+use crate::{Circle, Lens, Pose, Sighting};
 
 /// Most rings that are taken into account.
 pub(crate) const MAX_RINGS: usize = 96;
@@ -52,8 +52,8 @@ pub enum Progress {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Looking for groups, from this ring on.
-    Groups(usize),
+    /// Looking for groups, from this ring and this one of its neighbours on.
+    Groups(usize, usize),
     /// Finding the pose of this group.
     Poses(usize),
     /// Verifying this hypothesis.
@@ -92,7 +92,7 @@ impl Assigner {
             rings: Vec::new(),
             groups: Vec::new(),
             rivals: Rivals::default(),
-            stage: Stage::Groups(0),
+            stage: Stage::Groups(0, 0),
         }
     }
 
@@ -111,18 +111,21 @@ impl Assigner {
         self.rings.extend(rings.iter().filter(usable).take(MAX_RINGS).copied());
         self.groups.clear();
         self.rivals.clear();
-        self.stage = Stage::Groups(0);
+        self.stage = Stage::Groups(0, 0);
     }
 
     /// Works on for about `work`, which it takes off. After an answer `begin` has to be called.
-    pub fn advance(&mut self, view: &View<'_>, work: &mut u32) -> Progress {
+    pub fn advance(&mut self, view: &View<'_>, work: &mut i32) -> Progress {
         while *work > 0 {
             match self.stage {
-                Stage::Groups(ring) if ring < self.rings.len() => {
-                    self.searcher.search(&self.layout, &self.rings, ring, &mut self.groups, work);
-                    self.stage = Stage::Groups(ring + 1);
+                Stage::Groups(ring, neighbour) if ring < self.rings.len() => {
+                    let begin = (ring, neighbour);
+                    let goes_on =
+                        self.searcher.search(&self.layout, &self.rings, begin, &mut self.groups, work);
+                    self.stage =
+                        if goes_on { Stage::Groups(ring, neighbour + 1) } else { Stage::Groups(ring + 1, 0) };
                 }
-                Stage::Groups(_) => {
+                Stage::Groups(..) => {
                     self.stage = Stage::Poses(0);
                 }
                 Stage::Poses(group) if group < self.groups.len() => {
@@ -159,12 +162,6 @@ impl Assigner {
         }
         Progress::Going
     }
-}
-
-/// The solver's settings here: a set of rings that does not fit is dropped as a whole, nothing is searched in
-/// it.
-fn solver() -> Settings {
-    Settings { gate_px: 30.0, ..Settings::default() }
 }
 
 #[cfg(test)]

@@ -31,14 +31,15 @@ const RATIO_BLUR: f64 = 1.5;
 /// Rings nearer to each other than this share of a diameter are one.
 const SAME: f64 = 0.4;
 
-// What a slice is counted in: of the same time each, about; an instruction here takes longer than one of tracking, because
-// it waits for what it branches on.
-/// Of a pixel of a searched row, times 4.
-const WORK_FOUR_PIXELS: u32 = 16;
+// What a slice is counted in: instructions of tracking that take as long, fitted to the times of some hundred frames of 28
+// rings at 1920 x 1080. One of these takes longer than one of tracking: it waits for what it branches on, and across the
+// rows for memory.
+/// Of four pixels of a searched row.
+const WORK_FOUR_PIXELS: i32 = 14;
 /// Of a change between black and white.
-const WORK_EDGE: u32 = 110;
+const WORK_EDGE: i32 = 120;
 /// Of a look along the rays, by how far it came.
-const WORK_PROBE: [u32; 2] = [2_500, 7_000];
+const WORK_PROBE: [i32; 2] = [4_000, 8_000];
 
 /// A part of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -118,7 +119,7 @@ impl Acquisition {
     /// row is done. The next call begins a new sweep.
     ///
     /// A sweep over several pictures finds each ring where it was when its rows were searched.
-    pub fn advance(&mut self, frame: &Frame, work: &mut u32) -> bool {
+    pub fn advance(&mut self, frame: &Frame, work: &mut i32) -> bool {
         let size = (frame.width(), frame.height());
         if self.next.is_none() || self.size != size {
             self.size = size;
@@ -129,7 +130,7 @@ impl Acquisition {
         }
         let (first, end) = (self.next, self.once_until.unwrap_or(size.1));
         while let Some(y) = self.next.filter(|y| *y < end) {
-            if *work == 0 {
+            if *work <= 0 {
                 break;
             }
             let looked_for = (&self.limits, self.ratios);
@@ -154,11 +155,11 @@ impl Acquisition {
         frame: &Frame,
         part: &Part,
         into: &mut Vec<Sighting, MAX_SIGHTINGS>,
-        work: &mut u32,
+        work: &mut i32,
     ) -> bool {
         let rows = part.rows.start..part.rows.end.min(frame.height());
         for y in rows.step_by(usize::from(self.step)) {
-            if *work == 0 {
+            if *work <= 0 {
                 return false;
             }
             let (limits, ratios) = (&self.limits, self.ratios);
@@ -181,9 +182,9 @@ fn search(
     y: u16,
     (limits, ratios): (&Limits, [f64; 2]),
     sightings: &mut Vec<Sighting, MAX_SIGHTINGS>,
-    work: &mut u32,
+    work: &mut i32,
 ) {
-    let mut spent = columns.len() as u32 / 4 * WORK_FOUR_PIXELS;
+    let mut spent = columns.len() as i32 / 4 * WORK_FOUR_PIXELS;
     let edges = row.patterns(frame, columns, y, limits, |pattern| {
         let at = [f64::from(pattern.middle), f64::from(y)];
         if sightings.is_full() || sightings.iter().any(|known| is_within(at, known)) {
@@ -203,7 +204,7 @@ fn search(
             let _ = sightings.push(ring);
         }
     });
-    *work = work.saturating_sub(spent + WORK_EDGE * edges);
+    *work = work.saturating_sub(spent + WORK_EDGE * edges as i32);
 }
 
 /// Whether a place is in the middle of a ring already known.

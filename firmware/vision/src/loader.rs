@@ -122,6 +122,10 @@ impl Plane {
 #[inline]
 fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
     match samples(frame, x, y, every * (into.len().max(1) - 1) + 1) {
+        // A step of one that is not written out is not known to be one: a sample at a time.
+        Samples::Byte(bytes) if every == 1 => {
+            into.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+        }
         Samples::Byte(bytes) => {
             into.iter_mut().zip(bytes.iter().step_by(every)).for_each(|(to, from)| *to = *from)
         }

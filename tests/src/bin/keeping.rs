@@ -2,6 +2,13 @@
 //!
 //!     cargo run --release -p e2e --bin keeping -- [--seeds N] [--pictures FOLDER] [SCENE ...]
 //!
+//! Of the frames with six rings or more free to see (`6 free`) most have a pose. The others come before the first pose of all
+//! (`first`: a picture is searched in slices, and no frame has what two of them find), before the first one after people,
+//! darkness or glare (`again`), or in between (`lost`); `longest` is the most of these two on end. `ring` is how long a single
+//! ring that was free to see stayed without its place in a pose. Marked frames are those whose record says that the camera may
+//! have moved: their motion is not compared. Times are processor time, of each frame the least of several plays; `times` and
+//! `work` are the slowest frame over the median one of those that track, in time and in counted work.
+//!
 //! With `--pictures` the worst frame of each scene is written there, with windows, centres and refusals drawn in.
 
 use std::path::PathBuf;
@@ -78,16 +85,18 @@ fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
 
 fn heading() {
     println!(
-        "{:15} {:>5} {:>7} {:>7} {:>7} {:>6} {:>6} {:>5} {:>7} {:>5} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5} {:>5}  worst",
+        "{:15} {:>5} {:>7} {:>7} {:>7} {:>5} {:>5} {:>4} {:>7} {:>6} {:>6} {:>4} {:>15} {:>17} {:>6} {:>9} {:>7} {:>5} {:>5}  worst",
         "scene",
         "seeds",
         "frames",
         "6 free",
         "poses",
+        "first",
+        "again",
+        "lost",
+        "longest",
         "wrong",
         "marked",
-        "first",
-        "longest",
         "ring",
         "mm (sigma)",
         "deg (sigma)",
@@ -100,23 +109,29 @@ fn heading() {
 }
 
 fn row(name: &str, seeds: u64, all: &Outcome) {
-    let [median, most] = all.cost();
+    let (median, most) = all.cost_us();
     let (mm, deg) = (all.off_mm, all.off_deg);
+    // Where nothing is ever tracked there is no median of it.
+    let shown =
+        |value: Option<f64>, decimals: usize| value.map_or("-".to_owned(), |v| format!("{v:.decimals$}"));
     println!(
-        "{name:15} {seeds:5} {:7} {:7} {:7} {:6} {:6} {:5} {:7} {:5} {:>15} {:>17} {:6.1} {median:9.0} {most:7.0} {:5.1} {:5.2}  seed {}, frame {}",
+        "{name:15} {seeds:5} {:7} {:7} {:7} {:5} {:5} {:4} {:7} {:6} {:6} {:4} {:>15} {:>17} {:6.1} {:>9} {most:7.0} {:>5} {:>5}  seed {}, frame {}",
         all.frames,
         all.enough,
         all.poses,
+        all.first[0],
+        all.again[0],
+        all.lost[0],
+        all.longest(),
         all.wrong,
         all.marked,
-        all.first,
-        all.longest,
         all.ring_longest,
         format!("{:.3} ({:.3})", mm[0], mm[1]),
         format!("{:.4} ({:.4})", deg[0], deg[1]),
         all.most_sigmas,
-        most / median,
-        all.most_work(),
+        shown(median, 0),
+        shown(median.map(|median| most / median), 1),
+        shown(all.most_work(), 2),
         all.worst.seed,
         all.worst.frame,
     );

@@ -31,9 +31,9 @@ const SHARED: usize = 3;
 const LARGER: usize = 2;
 
 // Work, in the unit of the slices that it is done in.
-const WORK_RING: u32 = 21;
-const WORK_PAIR: u32 = 21;
-const WORK_TRY: u32 = 1_350;
+const WORK_RING: i32 = 21;
+const WORK_PAIR: i32 = 21;
+const WORK_TRY: i32 = 5_000;
 
 /// A target's pattern found among the rings.
 #[derive(Clone, Debug)]
@@ -84,49 +84,50 @@ pub(crate) struct Searcher {
 }
 
 impl Searcher {
-    /// Adds the groups that ring `number` begins.
+    /// Adds the groups that ring `number` begins together with its neighbour `start`, which is the nearest first; false if
+    /// there is nothing more to begin with this ring.
     pub(crate) fn search(
         &mut self,
         layout: &Layout,
         rings: &[Sighting],
-        number: usize,
+        (number, start): (usize, usize),
         groups: &mut Vec<Group, MAX_GROUPS>,
-        work: &mut u32,
-    ) {
-        let Some(ring) = rings.get(number) else { return };
-        // A whole target came with all its readings when its first ring was tried.
+        work: &mut i32,
+    ) -> bool {
+        let Some(ring) = rings.get(number) else { return false };
+        // A whole target came with all its readings when it was found first: each has this neighbour too.
         let whole = |group: &Group| {
             layout.plates.get(group.kind).is_some_and(|plate| plate.pattern.len() == group.count)
                 && group.rings.contains(&(number as u8))
         };
         if groups.iter().any(whole) {
-            return;
+            return false;
         }
-        self.find_near(rings, number);
-        let mut spent = WORK_RING * rings.len() as u32;
-        let Some(stretch) = Stretch::of(ring) else { return };
-        for k in 0..self.near.len().min(STARTS) {
-            let Some((_, other)) = self.near.get(k).copied() else { break };
-            let other = usize::from(other);
-            let Some(neighbour) = rings.get(other) else { continue };
-            let way = stretch.flat([0, 1].map(|i| neighbour.at[i] - ring.at[i]));
-            for (kind, plate) in layout.kinds() {
-                spent += WORK_PAIR * (plate.pattern.len() * plate.pattern.len()) as u32;
-                for (a, b, turn) in fitting(plate, way) {
-                    let known =
-                        |group: &Group| group.kind == kind && group.has(a, number) && group.has(b, other);
-                    if groups.iter().any(known) {
-                        continue;
-                    }
-                    spent += WORK_TRY;
-                    let start = stretch.affine(ring.at, plate, a, turn);
-                    if let Some(group) = self.gather(plate, kind, rings, number, start) {
-                        keep(groups, group);
-                    }
+        if start == 0 {
+            *work = work.saturating_sub(WORK_RING * rings.len() as i32);
+            self.find_near(rings, number);
+        }
+        let other = self.near.get(start).filter(|_| start < STARTS).map(|(_, other)| usize::from(*other));
+        let Some((other, neighbour)) = other.and_then(|other| Some((other, rings.get(other)?))) else {
+            return false;
+        };
+        let Some(stretch) = Stretch::of(ring) else { return false };
+        let way = stretch.flat([0, 1].map(|i| neighbour.at[i] - ring.at[i]));
+        for (kind, plate) in layout.kinds() {
+            *work = work.saturating_sub(WORK_PAIR * (plate.pattern.len() * plate.pattern.len()) as i32);
+            for (a, b, turn) in fitting(plate, way) {
+                let known = |group: &Group| group.kind == kind && group.has(a, number) && group.has(b, other);
+                if groups.iter().any(known) {
+                    continue;
+                }
+                *work = work.saturating_sub(WORK_TRY);
+                let map = stretch.affine(ring.at, plate, a, turn);
+                if let Some(group) = self.gather(plate, kind, rings, number, map) {
+                    keep(groups, group);
                 }
             }
         }
-        *work = work.saturating_sub(spent);
+        true
     }
 
     /// The rings nearest to ring `number` that could be of the same target.

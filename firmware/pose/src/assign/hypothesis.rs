@@ -5,10 +5,14 @@ use core::cmp::Reverse;
 
 use heapless::Vec;
 
+use crate::ambiguity::{is_same, mirrored};
 use crate::assign::group::{Group, MAX_GROUPS, NONE};
 use crate::assign::layout::{Layout, MAX_PLATES, Plate};
-use crate::assign::{Assigned, MAX_RINGS, Unassigned, View, solver};
-use crate::{Centre, Circle, MAX_CIRCLES, Observation, Pose, Sighting, Solution, project_circle, solve};
+use crate::assign::{Assigned, MAX_RINGS, Unassigned, View};
+use crate::homography::homography;
+use crate::problem::Problem;
+use crate::refine::{Fit, refine};
+use crate::{Centre, Circle, MAX_CIRCLES, Observation, Pose, Settings, Sighting, project_circle};
 
 /// Most hypotheses that are verified.
 const MAX_RIVALS: usize = 10;
@@ -47,9 +51,11 @@ const RIVAL: (u32, u32) = (3, 4);
 const WORSE: (f64, f64) = (4.0, 0.4);
 
 // Work, in the unit of the slices that it is done in.
-const WORK_SOLVE: [u32; 2] = [37_500, 9_000];
-const WORK_PROJECT: u32 = 900;
-const WORK_COMPARE: u32 = 12;
+/// Of a pose refined, and the same for each circle; of the two poses of a flat pattern.
+const WORK_REFINE: [i32; 2] = [2_000, 3_000];
+const WORK_OF_PLANE: [i32; 2] = [15_000, 6_000];
+const WORK_PROJECT: i32 = 600;
+const WORK_COMPARE: i32 = 12;
 
 /// A pose and what speaks for it.
 #[derive(Clone, Debug)]
@@ -163,7 +169,7 @@ impl Hypothesis {
         view: &View<'_>,
         rings: &[Sighting],
         groups: &[Group],
-        work: &mut u32,
+        work: &mut i32,
     ) {
         let mut seen = Seen::default();
         for (plate, group) in layout.plates.iter().zip(&self.groups) {
@@ -172,12 +178,10 @@ impl Hypothesis {
                 seen.add(view, plate.first + circle, rings, ring);
             }
         }
-        let Some(pose) = seen.solve(view, Some(&self.pose), work).map(|solution| solution.pose) else {
-            return;
-        };
+        let Some((pose, _)) = seen.refine(view, &self.pose, work) else { return };
         let (mut all, mut expected) = (Seen::default(), 0);
         for (number, circle) in view.circles.iter().enumerate() {
-            *work = work.saturating_sub(WORK_PROJECT + WORK_COMPARE * rings.len() as u32);
+            *work = work.saturating_sub(WORK_PROJECT + WORK_COMPARE * rings.len() as i32);
             if let Some((at, diameter)) = shown(circle, &pose, view) {
                 expected += 1;
                 if let Some(ring) = nearest(rings, at, diameter) {
@@ -186,13 +190,13 @@ impl Hypothesis {
             }
         }
         all.drop_beyond(view, &pose, GATE_PX[0]);
-        let Some(pose) = all.solve(view, Some(&pose), work).map(|solution| solution.pose) else { return };
+        let Some((pose, _)) = all.refine(view, &pose, work) else { return };
         all.drop_beyond(view, &pose, GATE_PX[1]);
-        let Some(solution) = all.solve(view, Some(&pose), work) else { return };
-        if solution.residual_px > RESIDUAL_PX {
+        let Some((pose, residual_px)) = all.refine(view, &pose, work) else { return };
+        if residual_px > RESIDUAL_PX {
             return;
         }
-        (self.pose, self.residual_px, self.expected) = (solution.pose, solution.residual_px, expected);
+        (self.pose, self.residual_px, self.expected) = (pose, residual_px, expected);
         self.found = all.pairs.len() as u32;
         let mut on_target = [0u32; 256];
         for (circle, ring) in &all.pairs {
@@ -236,8 +240,13 @@ impl Seen {
         }
     }
 
-    fn solve(&self, view: &View<'_>, prior: Option<&Pose>, work: &mut u32) -> Option<Solution> {
-        solved(&self.observations, view, prior, work)
+    /// The pose of all of them next to this one, and its residual, px.
+    fn refine(&self, view: &View<'_>, pose: &Pose, work: &mut i32) -> Option<(Pose, f64)> {
+        *work = work.saturating_sub(WORK_REFINE[0] + WORK_REFINE[1] * self.observations.len() as i32);
+        let settings = Settings::default();
+        let problem = Problem::new(&self.observations, view.lens, &settings).ok()?;
+        let fit = refine(&problem, problem.all(), pose).ok()?;
+        Some((fit.pose, residual_px(&problem, &fit)))
     }
 }
 
@@ -249,7 +258,7 @@ pub(crate) fn from_group(
     groups: &[Group],
     number: usize,
     rivals: &mut Rivals,
-    work: &mut u32,
+    work: &mut i32,
 ) {
     let Some(group) = groups.get(number) else { return };
     let Some(kind) = layout.plates.get(group.kind) else { return };
@@ -257,12 +266,9 @@ pub(crate) fn from_group(
         .pairs()
         .filter_map(|(c, r)| Some(Observation { point: kind.flat(c)?, centre: centre(rings.get(r)?) }))
         .collect();
-    let Some(solution) = solved(&observations, view, None, work) else { return };
-    if solution.residual_px > RESIDUAL_PX {
-        return;
-    }
-    let second = solution.alternative.filter(|second| second.ratio < SECOND).map(|second| second.pose);
-    for flat in core::iter::once(solution.pose).chain(second) {
+    *work = work.saturating_sub(WORK_OF_PLANE[0] + WORK_OF_PLANE[1] * observations.len() as i32);
+    let Some((first, second)) = poses_of_plane(&observations, view) else { return };
+    for flat in core::iter::once(first).chain(second) {
         for (place, plate) in layout.plates.iter().enumerate().filter(|(_, plate)| plate.kind == group.kind) {
             let rotation = flat.rotation * plate.axes.transpose();
             let pose = Pose { rotation, translation: flat.translation - rotation * plate.origin };
@@ -297,7 +303,7 @@ fn fitting(
     view: &View<'_>,
     rings: &[Sighting],
     groups: &[Group],
-    work: &mut u32,
+    work: &mut i32,
 ) -> Option<usize> {
     let circles = view.circles.get(plate.first..plate.first + plate.pattern.len())?;
     let mut at = Vec::<[f64; 2], MAX_RINGS>::new();
@@ -306,7 +312,7 @@ fn fitting(
         // A target partly out of sight is found circle by circle later.
         let _ = at.push(view.lens.project(&point).ok()?);
     }
-    *work = work.saturating_sub(WORK_PROJECT / 4 * circles.len() as u32);
+    *work = work.saturating_sub(WORK_PROJECT / 4 * circles.len() as i32);
     let mut best = None;
     let first = at.first()?;
     let size = at.iter().map(|a| libm::hypot(a[0] - first[0], a[1] - first[1])).fold(0.0, f64::max);
@@ -366,14 +372,26 @@ fn nearest(rings: &[Sighting], at: [f64; 2], diameter: f64) -> Option<usize> {
     })
 }
 
-fn solved(
-    observations: &[Observation],
-    view: &View<'_>,
-    prior: Option<&Pose>,
-    work: &mut u32,
-) -> Option<Solution> {
-    *work = work.saturating_sub(WORK_SOLVE[0] + WORK_SOLVE[1] * observations.len() as u32);
-    solve(observations, view.lens, &solver(), prior).ok()
+/// The pose of a flat pattern that fits it, and the one with its tilt mirrored, if that fits about as well.
+fn poses_of_plane(observations: &[Observation], view: &View<'_>) -> Option<(Pose, Option<Pose>)> {
+    let settings = Settings::default();
+    let problem = Problem::new(observations, view.lens, &settings).ok()?;
+    let start = homography(&problem, &problem.rays().ok()?).ok()?;
+    let first = refine(&problem, problem.all(), &start).ok()?;
+    let second = refine(&problem, problem.all(), &mirrored(&problem.basis, &first.pose)).ok();
+    let second = second.filter(|second| !is_same(&second.pose, &first.pose));
+    let (first, second) = match second {
+        Some(second) if second.chi2 < first.chi2 => (second, Some(first)),
+        second => (first, second),
+    };
+    let second = second.filter(|second| second.chi2 < SECOND * SECOND * first.chi2);
+    (residual_px(&problem, &first) <= RESIDUAL_PX).then(|| (first.pose, second.map(|second| second.pose)))
+}
+
+/// Root mean square distance between the rings and where they should be, px.
+fn residual_px(problem: &Problem, fit: &Fit) -> f64 {
+    let px2: f64 = problem.rows.iter().map(|row| problem.error(row, &fit.pose).px2).sum();
+    libm::sqrt(px2 / problem.rows.len() as f64)
 }
 
 fn centre(ring: &Sighting) -> Centre {

@@ -90,7 +90,7 @@ fn assign(circles: &[Circle], rings: &[Sighting], is_plausible: &dyn Fn(&Pose) -
     let mut assigner = Box::new(Assigner::new(circles));
     assigner.begin(rings);
     let view = View { circles, lens: &LENS, picture: PICTURE, is_plausible };
-    assigner.advance(&view, &mut u32::MAX.clone())
+    assigner.advance(&view, &mut i32::MAX.clone())
 }
 
 fn unknown(_: &Pose) -> bool {

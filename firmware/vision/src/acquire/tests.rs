@@ -9,7 +9,7 @@ use crate::synthetic::{Picture, Random};
 fn swept(picture: &Picture, layout: Layout) -> Vec<Sighting> {
     let bytes = picture.bytes(layout);
     let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]));
-    let mut work = u32::MAX;
+    let mut work = i32::MAX;
     assert!(acquisition.advance(&picture.frame(&bytes, layout), &mut work), "there is work enough for all");
     acquisition.sightings().to_vec()
 }
@@ -67,7 +67,7 @@ fn discs_of_6_to_64_px_are_found_in_darkness_and_beside_rings() {
         picture.noise(0.004, &mut random);
         let bytes = picture.bytes(Layout::GREY);
         let mut acquisition = Box::new(Acquisition::new(&Settings::default(), ratios).with_discs());
-        assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut u32::MAX.clone()));
+        assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut i32::MAX.clone()));
         let found = acquisition.sightings();
         assert_eq!(found.len(), diameters.len(), "{found:?}");
         for (centre, diameter) in centres.iter().zip(diameters) {
@@ -84,7 +84,7 @@ fn the_white_within_a_ring_is_no_disc() {
     let (picture, _) = rings(&[16.0, 30.0, 50.0], &mut Random::new(3));
     let bytes = picture.bytes(Layout::GREY);
     let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]).with_discs());
-    assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut u32::MAX.clone()));
+    assert!(acquisition.advance(&picture.frame(&bytes, Layout::GREY), &mut i32::MAX.clone()));
     assert!(acquisition.sightings().iter().all(|ring| ring.ratio < 3.0), "{:?}", acquisition.sightings());
     assert_eq!(acquisition.sightings().len(), 3);
 }
@@ -161,7 +161,7 @@ fn a_part_of_a_picture_shows_its_own_rings_and_leaves_the_sweep_alone() {
     let bytes = picture.bytes(Layout::GREY);
     let frame = picture.frame(&bytes, Layout::GREY);
     let mut acquisition = Box::new(Acquisition::new(&Settings::default(), [2.0; 2]));
-    let (mut found, mut work) = (heapless::Vec::new(), u32::MAX);
+    let (mut found, mut work) = (heapless::Vec::new(), i32::MAX);
     let part = Part { columns: 96..192, rows: 20..500 };
     assert!(acquisition.look_in(&frame, &part, &mut found, &mut work));
     let [ring] = &found[..] else { panic!("{found:?}") };
