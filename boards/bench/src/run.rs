@@ -132,7 +132,7 @@ pub enum BenchError {
     },
     /// The seeds give no pose.
     #[error(
-        "the seeds of the setup give no pose ({why}); there must be at least 4, not on one line, and at their circles"
+        "the setup gives no pose, for {why}; seeds must be at least 4, not on one line, and at their circles"
     )]
     Seeds {
         /// What the solver said.
@@ -202,7 +202,7 @@ pub(crate) fn prepare(
             Err(_) => make(),
         }
     });
-    engine.map_err(|error| BenchError::Seeds { why: format!("{error:?}") })
+    engine.map_err(|error| BenchError::Seeds { why: error.to_string() })
 }
 
 /// A camera whose frames set the clock.

@@ -40,7 +40,7 @@ pub(crate) fn check(file: &Path, to: &Address, print: &dyn Fn(&str)) -> anyhow::
         "setup",
         match engine {
             Ok(_) => Ok(format!("{circles} circles on {targets} targets")),
-            Err(error) => Err(format!("the seeds give no pose ({error:?})")),
+            Err(error) => Err(format!("the setup gives no pose, for {error}")),
         },
     );
 

@@ -151,7 +151,9 @@ fn disk(parts: &gangway_setup::Parts, to: &Address) -> PathBuf {
 
 fn engine(settings: Settings, identity: Identity) -> anyhow::Result<Box<Engine>> {
     let engine = Engine::new(settings, identity).map(Box::new);
-    engine.map_err(|error| anyhow::anyhow!("the seeds of the setup give no pose ({error:?}); correct them"))
+    engine.map_err(|error| {
+        anyhow::anyhow!("the setup gives no pose, for {error}; correct its seeds or circles")
+    })
 }
 
 /// The setup once more, as far as it can change while the camera runs on.

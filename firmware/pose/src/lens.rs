@@ -1,6 +1,8 @@
 //! The camera model of thesis 3.3.1 and 4.2.3: K and the five distortion coefficients, forward with its
 //! derivative and backward by Newton's method.
 
+use core::fmt;
+
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 /// K and distortion, in the order and direction of OpenCV and the Caltech toolbox: the polynomial takes the
@@ -27,6 +29,18 @@ pub enum LensError {
     /// A coordinate is not a finite number.
     NotFinite,
 }
+
+impl fmt::Display for LensError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Behind => "the point is not before the camera",
+            Self::NotInvertible => "the distortion cannot be undone there",
+            Self::NotFinite => "a coordinate is not a number",
+        })
+    }
+}
+
+impl core::error::Error for LensError {}
 
 /// A step of Newton's method below this ends it (normalised units).
 const CONVERGED_STEP: f64 = 1e-12;
