@@ -134,3 +134,51 @@ fn a_short_press_of_the_button_sets_the_rest_pose_and_long_ones_mark_start_and_e
     let [rest, start, end] = pressed.as_slice() else { panic!("{:?}", said.events) };
     assert!(*rest == "RestRequested" && start.contains("start") && end.contains("end"), "{pressed:?}");
 }
+
+/// A chip in the place of the board's own: pins that are pulled from outside, for QEMU raises no interrupts of a pin.
+const PULLED: &str = "
+    insmod /modules/pulled.ko || exit 1
+    mv $(ls /dev/gpiochip* | tail -n 1) /dev/gpiochip0
+    PULL=/sys/module/pulled/parameters/pull
+    pull() { echo \"24 $1\" >$PULL; echo \"board: pulled $(cat $PULL)\"; sleep 0.4; }
+";
+
+#[test]
+#[ignore = "boots an emulated board; tests/board/prepare makes what it needs"]
+fn edges_of_the_sync_input_are_in_the_records_with_the_time_at_which_the_pin_was_pulled() {
+    let show = Show::new("[board]\nsync_pin = 24\n");
+    let job = PULLED.to_owned()
+        + &camera()
+        + "gangway-pi run --setup /setup.toml --to serial:/dev/ttyAMA0@115200 & BOX=$!; sleep 8
+        for level in 1 0 1 0 1 1 0; do pull $level; done; sleep 4
+        kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"
+        kill $FEED";
+    let mut board = show.boot(&job);
+    board.expect("board: box ended with 0");
+    board.wait();
+    // Pin, level, and the monotonic clock's time before and after the pull.
+    let pulls = board.log.iter().filter_map(|line| line.strip_prefix("board: pulled 24 ")).map(|pull| {
+        let numbers: Vec<u64> = pull.split(' ').map(|number| number.parse().expect("a number")).collect();
+        let [level, before_ns, after_ns] = numbers.as_slice() else { panic!("{pull}") };
+        (if *level == 1 { "rise" } else { "fall" }, *before_ns..=*after_ns)
+    });
+    let mut pulls: Vec<_> = pulls.collect();
+    assert_eq!(pulls.len(), 7);
+    // Pulled up where it was up already: no edge.
+    pulls.remove(5);
+
+    let said = Said::of(&std::fs::read(board.uart()).expect("records"));
+    let edges: Vec<(&str, u64)> = said
+        .events
+        .iter()
+        .filter_map(|(_, event)| event.split_once("sync ")?.1.split_once('"')?.0.split_once(' '))
+        .map(|(way, ns)| (way, ns.parse().expect("a time")))
+        .collect();
+    println!("edges {edges:?} of pulls {pulls:?}");
+    assert_eq!(edges.len(), pulls.len(), "{:?}", said.events);
+    for ((way, ns), (pulled, time_ns)) in edges.iter().zip(&pulls) {
+        assert_eq!(way, pulled);
+        assert!(time_ns.contains(ns), "the {way} at {ns} ns, pulled at {time_ns:?}");
+    }
+    assert!(edges.is_sorted_by(|one, next| one.1 < next.1));
+}

@@ -11,7 +11,7 @@ use rppal::gpio::{Event, Gpio, InputPin, OutputPin, Pin, Trigger};
 
 /// Pressed for longer, the button marks the start or the end of a run instead of setting the rest pose.
 const LONG: Duration = Duration::from_millis(1_500);
-/// Edges of the sync input that follow within this time are of one switch that bounces.
+/// Edges of the sync input that follow one another within this time are of one switch that bounces.
 const BOUNCE: Duration = Duration::from_micros(100);
 /// Half a period of the status lamp while the box waits and while it has no camera.
 const SLOW: Duration = Duration::from_millis(500);
@@ -48,9 +48,12 @@ impl Pins {
         let button = take(board.button_pin)?.map(|pin| Button::new(pin.into_input_pullup()));
         let mut sync = take(board.sync_pin)?.map(Pin::into_input_pulldown);
         if let Some(pin) = &mut sync {
-            let notices = notices.clone();
-            pin.set_async_interrupt(Trigger::Both, Some(BOUNCE), move |edge| {
-                notices.command(Command::Mark(edge_mark(&edge)));
+            let (notices, mut bounces) = (notices.clone(), Bounces::default());
+            // The kernel's own debouncing would give the time at which its timer ran out, some milliseconds late.
+            pin.set_async_interrupt(Trigger::Both, None, move |edge| {
+                if bounces.is_first(edge.timestamp) {
+                    notices.command(Command::Mark(edge_mark(&edge)));
+                }
             })
             .with_context(|| format!("pin {} gives no edges", board.sync_pin))?;
         }
@@ -91,6 +94,20 @@ fn dark(pin: Pin) -> OutputPin {
     let mut pin = pin.into_output_low();
     pin.set_reset_on_drop(false);
     pin
+}
+
+/// Tells the first edge of a switch from those of its bouncing.
+#[derive(Debug, Default)]
+struct Bounces {
+    last: Option<Duration>,
+}
+
+impl Bounces {
+    /// Whether the pin was quiet before the edge at this time of the kernel.
+    fn is_first(&mut self, time: Duration) -> bool {
+        let last = self.last.replace(time);
+        last.is_none_or(|last| time.saturating_sub(last) >= BOUNCE)
+    }
 }
 
 /// The mark of an edge of the sync input, with the kernel's time of it: CLOCK_MONOTONIC (linux/gpio.h, version 2), ns.
@@ -181,6 +198,15 @@ mod tests {
         // Two seconds, in turns of 50 ms.
         let counted = [State::Measuring, State::Waiting, State::Fault].map(changes);
         assert_eq!(counted, [0, 3, 19]);
+    }
+
+    #[test]
+    fn of_a_switch_that_bounces_the_first_edge_counts() {
+        let mut bounces = Bounces::default();
+        let mut first = |us: u64| bounces.is_first(Duration::from_micros(us));
+        // Closes at 1000 us and bounces for longer than the limit, in shorter steps; opens at 2000 us.
+        let told = [1_000, 1_030, 1_090, 1_180, 2_000, 2_099].map(&mut first);
+        assert_eq!(told, [true, false, false, false, true, false]);
     }
 
     #[test]
