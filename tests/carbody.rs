@@ -1,7 +1,7 @@
 //! The camera's own carbody: with reference targets on it the motion is that of the one carbody against the
 //! other, however the camera is knocked or shaken; without them a moved camera is told where it can be.
 
-use e2e::{Keeping, Ride};
+use e2e::{Keeping, Ride, sigmas_off};
 use gangway_scene::Scene;
 use gangway_wire::{Motion, MoveEvidence, PoseFlags, Record, What};
 
@@ -49,14 +49,8 @@ impl Played {
     /// The largest error of all frames in its own standard deviations.
     fn worst(&self) -> f64 {
         let frames = self.poses.iter().zip(&self.ride.truth);
-        let errors = frames.filter_map(|((_, motion), truth)| {
-            let motion = motion.as_ref()?;
-            let measured = [motion.displacement_mm, motion.rotation_deg].concat();
-            let truth = [truth.displacement_mm, truth.rotation_deg].concat();
-            let off = |i: usize| (f64::from(measured[i]) - truth[i]).abs() / f64::from(motion.sigma[i]);
-            Some((0..6).map(off).fold(0.0, f64::max))
-        });
-        errors.fold(0.0, f64::max)
+        let errors = frames.filter_map(|((_, motion), truth)| Some(sigmas_off(motion.as_ref()?, truth)));
+        errors.flatten().fold(0.0, f64::max)
     }
 
     fn measured(&self) -> usize {

@@ -3,8 +3,9 @@
 //!
 //!     cargo run --release -p e2e --bin keeping
 
-use e2e::Keeping;
 use e2e::keeping::{FOUND_WITHIN, play};
+use e2e::{Keeping, Ride};
+use gangway_wire::Record;
 
 #[test]
 fn no_ring_is_ever_wrong_and_what_was_lost_is_found_again_within_half_a_second() {
@@ -12,6 +13,7 @@ fn no_ring_is_ever_wrong_and_what_was_lost_is_found_again_within_half_a_second()
         let outcome = play(&Keeping::named(name), 100);
         assert_eq!(outcome.wrong, 0, "{name}: wrong rings");
         assert!(outcome.longest() <= FOUND_WITHIN, "{name}: {} frames to be found again", outcome.longest());
+        assert_eq!(outcome.lost[0], 0, "{name}: frames without a pose that nothing was before");
         assert!(outcome.ring_longest <= 3, "{name}: a ring was free for {} frames", outcome.ring_longest);
         assert!(outcome.enough > outcome.frames / 3, "{name}: the scene shows enough to ask for");
     }
@@ -62,4 +64,21 @@ fn the_slowest_frame_while_everything_is_lost_is_at_most_three_times_the_work_of
     let times = outcome.most_work().expect("the scene shows the targets");
     assert!(times <= 3.0, "{times} times the median frame");
     assert!(outcome.longest() <= FOUND_WITHIN, "{} frames to be found again", outcome.longest());
+    // Two slices sweep the picture, and the second one leaves enough to assign what was seen.
+    assert!(outcome.first[1] <= 1, "{} frames to be found first", outcome.first[1]);
+}
+
+#[test]
+fn a_frame_that_looked_into_no_window_shows_none() {
+    // Long enough dark that the last place is only looked back at now and then.
+    let ride = Ride::of(&Keeping::named("darkness").scene(100));
+    let mut frame_loop = ride.start();
+    let (mut is_found, mut idle) = (false, 0);
+    for frame in 0..ride.frames.len() {
+        frame_loop.step(frame, frame as u32, |record| {
+            is_found |= matches!(record, Record::Pose(pose) if pose.markers > 0);
+        });
+        idle += usize::from(is_found && frame_loop.engine.looks().count() == 0);
+    }
+    assert!(idle > 5, "{idle} frames without windows, of 30 in darkness");
 }

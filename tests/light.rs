@@ -4,7 +4,7 @@
 //!
 //!     cargo test --release -p e2e --test light -- --ignored --nocapture
 
-use e2e::Ride;
+use e2e::{Ride, sigmas_off, used_rings};
 use gangway_device::{Camera, CameraErrorKind, Exposure, Frame, Layout};
 use gangway_engine::{AutoExposure, Step};
 use gangway_scene::Scene;
@@ -107,24 +107,15 @@ fn play(name: &str, added: &str, without: [f64; 2], seed: u64) -> Outcome {
             Record::Pose(pose) => {
                 used = pose.markers;
                 let Some(motion) = pose.motion else { return };
-                let truth = scene.truth(pose.frame);
-                let measured = motion.displacement_mm.iter().chain(&motion.rotation_deg);
-                let truth = truth.displacement_mm.into_iter().chain(truth.rotation_deg);
-                for ((measured, truth), sigma) in measured.zip(truth).zip(motion.sigma) {
-                    let off = ((f64::from(*measured) - truth) / f64::from(sigma)).abs();
+                for off in sigmas_off(&motion, &scene.truth(pose.frame)) {
                     outcome.normalised.0 += off * off;
                     outcome.normalised.1 += 1;
                     outcome.largest = outcome.largest.max(off);
                 }
             }
             Record::Markers(markers) => {
-                for (circle, marker) in markers.iter().filter(|(circle, _)| markers.is_used(*circle)) {
-                    let off = centres[usize::from(circle)].map_or(f64::INFINITY, |at| {
-                        let [u, v] = marker.at_px.map(f64::from);
-                        (u - at[0]).hypot(v - at[1])
-                    });
-                    outcome.wrong += usize::from(off > WRONG_PX);
-                }
+                let wrong = used_rings(markers, &centres).filter(|(_, off)| *off > WRONG_PX);
+                outcome.wrong += wrong.count();
             }
             _ => {}
         });

@@ -4,7 +4,7 @@
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 
-use e2e::Ride;
+use e2e::{Ride, sigmas_off};
 use embedded_hal::digital::{ErrorType, OutputPin};
 use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout};
 use gangway_engine::LampMode;
@@ -46,11 +46,8 @@ fn normalised(scene: &Scene, poses: &[Pose]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for pose in poses {
         let Some(motion) = pose.motion else { continue };
-        let truth = scene.truth(pose.frame);
-        let measured = motion.displacement_mm.iter().chain(&motion.rotation_deg);
-        let truth = truth.displacement_mm.into_iter().chain(truth.rotation_deg);
-        for ((measured, truth), sigma) in measured.zip(truth).zip(motion.sigma) {
-            sum += ((f64::from(*measured) - truth) / f64::from(sigma)).powi(2);
+        for off in sigmas_off(&motion, &scene.truth(pose.frame)) {
+            sum += off * off;
             count += 1.0;
         }
     }

@@ -4,7 +4,7 @@
 use gangway_scene::Scene;
 use gangway_wire::{Pose, PoseFlags, Record};
 
-use crate::{Keeping, Loop, Ride};
+use crate::{Keeping, Loop, Ride, used_rings};
 
 /// Fewest rings free to see that must give a pose.
 pub const ENOUGH: usize = 6;
@@ -208,12 +208,8 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         frame_loop.read(|_, _, record| match record {
             Record::Pose(measured) => pose = Some(*measured),
             Record::Markers(markers) => {
-                for (circle, marker) in markers.iter().filter(|(circle, _)| markers.is_used(*circle)) {
-                    used[usize::from(circle)] = true;
-                    let off = centres[usize::from(circle)].map_or(f64::INFINITY, |at| {
-                        let [u, v] = marker.at_px.map(f64::from);
-                        (u - at[0]).hypot(v - at[1])
-                    });
+                for (circle, off) in used_rings(markers, &centres) {
+                    used[circle] = true;
                     wrong += usize::from(off > WRONG_PX);
                 }
             }

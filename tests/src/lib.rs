@@ -3,10 +3,12 @@
 mod board;
 pub mod drawing;
 pub mod guest;
+mod judge;
 pub mod keeping;
 mod programs;
 mod scenes;
 
 pub use board::{Ended, Loop, Ride};
+pub use judge::{sigmas_off, used_rings};
 pub use programs::{bench, emulated_bench, gangway, sentence};
 pub use scenes::Keeping;

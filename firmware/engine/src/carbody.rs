@@ -45,7 +45,9 @@ pub(crate) struct Carbody {
     variance: VarianceComponent,
     layout: Layout,
     flash: Flash,
+    /// The last windows that were looked into, and whether that was in the last frame.
     searches: Vec<Search, MAX_CIRCLES>,
+    looked: bool,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
 }
 
@@ -97,6 +99,7 @@ impl Carbody {
             layout,
             flash: Flash::default(),
             searches: Vec::new(),
+            looked: false,
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
         })
     }
@@ -127,7 +130,8 @@ impl Carbody {
 
     /// What the last frame's windows showed, with the numbers of the circles in the setup; nothing if none were looked into.
     pub(crate) fn looks(&self) -> impl Iterator<Item = (u8, &Search, &Result<Ring, Refusal>)> {
-        self.numbers.iter().zip(&self.searches).zip(&self.outcomes).map(|((n, s), o)| (*n, s, o))
+        let looks = self.numbers.iter().zip(&self.searches).zip(&self.outcomes);
+        looks.filter(|_| self.looked).map(|((n, s), o)| (*n, s, o))
     }
 
     /// The windows of the last frame; none while nothing is known.
@@ -215,6 +219,7 @@ impl Carbody {
         means: &Means<'_>,
         first: bool,
     ) -> Result<Solution, PoseError> {
+        self.looked = false;
         if !self.keeper.follows() {
             self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
             self.flash.pass_over();
@@ -245,6 +250,7 @@ impl Carbody {
     fn look(&mut self, frame: &Frame<'_>, tracker: &mut Tracker, means: &Means<'_>) {
         let count = self.searches.len();
         let Some(outcomes) = self.outcomes.get_mut(..count) else { return };
+        self.looked = true;
         tracker.track(frame, &self.searches, outcomes);
         match self.flash.judge(&self.searches, outcomes) {
             Lit::Not if means.keeps_dark => tracker.keep_dark(frame, &self.searches),
