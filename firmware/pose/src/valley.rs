@@ -18,8 +18,10 @@ const SIGMAS: f64 = 3.0;
 const DOUBLINGS: usize = 5;
 /// No further than this, radians: what is less certain is uncertain enough.
 const FURTHEST: f64 = 0.5;
-/// Steps that bring a place beside the valley down to its floor.
+/// Steps at the most that bring a place beside the valley down to its floor, and the fall, as a share of the rise that is
+/// looked for, below which one is the last.
 const DESCENTS: usize = 4;
+const SMALL_FALL: f64 = 0.01;
 
 /// The covariance of a fit, as wide as the profiles of its two least certain turns, a plane's tilts. `scale`
 /// is the factor by which the circles scatter more than their covariances say; it is in what is returned.
@@ -63,38 +65,44 @@ impl Valley<'_> {
         let sigma = self.along.fixed_rows::<3>(3).norm();
         let (mut shorter, mut rise_before) = (0.0, 0.0);
         let mut way = SIGMAS;
-        let (mut end, mut rise) = self.floor(side * way)?;
+        let (mut end, mut rise) = self.floor(side * way, enough)?;
         for _ in 0..DOUBLINGS {
             if rise >= enough || way * sigma > FURTHEST {
                 break;
             }
             (shorter, rise_before) = (way, rise);
             way *= 2.0;
-            (end, rise) = self.floor(side * way)?;
+            (end, rise) = self.floor(side * way, enough)?;
         }
         if rise > enough && shorter > 0.0 {
             // The root of the sum rises about evenly.
             let root = |rise: f64| libm::sqrt(rise.max(0.0));
             let share = (root(enough) - root(rise_before)) / (root(rise) - root(rise_before));
-            (end, _) = self.floor(side * (shorter + share * (way - shorter)))?;
+            (end, _) = self.floor(side * (shorter + share * (way - shorter)), enough)?;
         }
         Some(difference(&end, &self.fit.pose))
     }
 
     /// The lowest pose with the turn at so many standard deviations, and by how much the sum of squares is
-    /// higher.
-    fn floor(&self, sigmas: f64) -> Option<(Pose, f64)> {
+    /// higher. To a share of what is `enough`.
+    fn floor(&self, sigmas: f64, enough: f64) -> Option<(Pose, f64)> {
         let mut pose = moved(&self.fit.pose, &(self.along * sigmas));
-        for _ in 0..DESCENTS {
+        let mut rise = 0.0;
+        for _ in 0..=DESCENTS {
             let here = linearise(self.problem, self.used, &pose)?;
             let factor = here.factor(0.0)?;
             let step = Vector6::from(factor.solve(&here.g));
             // All that the step says but the turn about the axis, which stays.
             let with_turn = factor.inverse().fixed_columns::<3>(3) * self.axis;
             let turn = |step: &Vector6<f64>| step.fixed_rows::<3>(3).dot(&self.axis);
-            pose = moved(&pose, &(step - with_turn * (turn(&step) / turn(&with_turn))));
+            let step = step - with_turn * (turn(&step) / turn(&with_turn));
+            pose = moved(&pose, &step);
+            let falls = step.dot(&Vector6::from(here.g));
+            rise = here.chi2 - falls - self.fit.chi2;
+            if falls < SMALL_FALL * enough {
+                break;
+            }
         }
-        let rise = linearise(self.problem, self.used, &pose)?.chi2 - self.fit.chi2;
         Some((pose.orthonormalised(), rise))
     }
 }
