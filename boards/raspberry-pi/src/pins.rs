@@ -49,7 +49,7 @@ impl Pins {
         let mut sync = take(board.sync_pin)?.map(Pin::into_input_pulldown);
         if let Some(pin) = &mut sync {
             let (notices, mut bounces) = (notices.clone(), Bounces::default());
-            // The kernel's own debouncing would give the time at which its timer ran out, some milliseconds late.
+            // The kernel's own debouncing would give the time at which its timer ran out, milliseconds late.
             pin.set_async_interrupt(Trigger::Both, None, move |edge| {
                 if bounces.is_first(edge.timestamp) {
                     notices.command(Command::Mark(edge_mark(&edge)));

@@ -1,5 +1,6 @@
-//! What the Debian package is made of, as far as it shows without a Debian root: the files are there, the service names
-//! what is installed, and systemd takes it. `tests/board/package` and `tests/board/service` install and run it.
+//! What the Debian package is made of, as far as it shows without a Debian root: the files are there, the
+//! service names what is installed, and systemd takes it. `tests/board/package` and `tests/board/service`
+//! install and run it.
 
 use std::path::Path;
 use std::process::Command;
