@@ -12,7 +12,7 @@ use crate::windows::Sight;
 /// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
 pub(crate) const WORK_A_RING: u32 = 45_000;
 /// Fewest rings whose tracking a slice is measured by: with slices as small as fewer need it would take long to be found.
-const LEAST_RINGS: usize = 18;
+const LEAST_RINGS: usize = 22;
 
 // Shares of the tracking of all rings, in tenths, so that no frame comes to more than three times that.
 /// Of sweeping the picture in a frame that nothing is known in: one of 1920 x 1080 is swept in one or two.
