@@ -1,5 +1,5 @@
-//! Finding and keeping: targets without seeds, among ring-like things, behind people, after darkness. One seed of some
-//! scenes; the table over twenty of every scene, with pictures, is printed by
+//! Finding and keeping: targets without seeds, among ring-like things, behind people, after darkness. One
+//! seed of some scenes; the table over twenty of every scene, with pictures, is printed by
 //!
 //!     cargo run --release -p e2e --bin keeping
 
@@ -21,7 +21,8 @@ fn no_ring_is_ever_wrong_and_what_was_lost_is_found_again_within_half_a_second()
 
 #[test]
 fn three_rings_that_are_left_keep_the_place_until_there_are_enough_for_a_pose_again() {
-    // Somebody stands before two targets of three and before a part of the third, while the train moves by a spacing.
+    // Somebody stands before two targets of three and before a part of the third, while the train moves by a
+    // spacing.
     let outcome = play(&Keeping::named("person"), 100);
     assert_eq!((outcome.wrong, outcome.longest()), (0, 0), "no frame with six rings is without its pose");
 }

@@ -45,8 +45,9 @@ fn a_stalled_and_a_vanished_camera_come_back_and_every_gap_is_in_the_records() {
     let told: Vec<&str> = said.events.iter().map(|(_, event)| event.as_str()).collect();
     let count = |what: &str| told.iter().filter(|told| told.contains(what)).count();
     assert!(count("CameraStalled") >= 2 && count("CameraReopened") >= 2, "{told:?}");
-    // Both silences, 5 s and 3 s, at the rate of the feed, less the three periods until each is noticed and one of
-    // rounding. Together: where the emulator itself comes late, a part of one is told as a gap before or behind it.
+    // Both silences, 5 s and 3 s, at the rate of the feed, less the three periods until each is noticed and
+    // one of rounding. Together: where the emulator itself comes late, a part of one is told as a gap before
+    // or behind it.
     let missed: u32 = told
         .iter()
         .filter_map(|told| {
@@ -79,7 +80,8 @@ fn a_control_that_the_driver_refuses_is_told_and_a_camera_with_a_clock_shows_how
     let (frames, woken) = (said.poses.len(), said.latency.wake_up.total() as usize);
     println!("{woken} of {frames} frames: {:?}", said.latency.wake_up);
     assert!(frames >= 2 * RATE_HZ as usize, "{frames}");
-    // The module notes the end of a frame ahead of it: a time to come is none of the monotonic clock's, and is told.
+    // The module notes the end of a frame ahead of it: a time to come is none of the monotonic clock's, and
+    // is told.
     let is_told = said.has("clock is not monotonic");
     assert!(woken == frames || (woken < frames && is_told), "{woken} of {frames}, {:?}", said.events);
 }

@@ -1,5 +1,6 @@
-//! A plugin of QEMU's user emulation that counts instructions by the crate that they are of: the same program gives the
-//! same counts in every run. Built by itself with `rustc --crate-type cdylib`; QEMU's plugin interface, version 1.
+//! A plugin of QEMU's user emulation that counts instructions by the crate that they are of: the same program
+//! gives the same counts in every run. Built by itself with `rustc --crate-type cdylib`; QEMU's plugin
+//! interface, version 1.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -36,8 +37,8 @@ fn step(symbol: &str) -> usize {
 }
 
 extern "C" fn translated(_id: u64, block: *mut c_void) {
-    // SAFETY: QEMU gives a block that is valid during this call, and every block has an instruction. The place that it
-    // adds to is static; one thread counts, others would only blur the count.
+    // SAFETY: QEMU gives a block that is valid during this call, and every block has an instruction. The
+    // place that it adds to is static; one thread counts, others would only blur the count.
     unsafe {
         let symbol = qemu_plugin_insn_symbol(qemu_plugin_tb_get_insn(block, 0));
         let symbol = if symbol.is_null() { "".into() } else { CStr::from_ptr(symbol).to_string_lossy() };

@@ -1,4 +1,5 @@
-//! Lamps in the registers of the emulated pins: what they do, and that they are dark whenever the box does not measure.
+//! Lamps in the registers of the emulated pins: what they do, and that they are dark whenever the box does
+//! not measure.
 
 use std::time::Duration;
 
@@ -135,8 +136,8 @@ fn a_short_press_of_the_button_sets_the_rest_pose_and_long_ones_mark_start_and_e
     assert!(*rest == "RestRequested" && start.contains("start") && end.contains("end"), "{pressed:?}");
 }
 
-/// A chip in the place of the board's own: pins that are pulled from outside, for QEMU raises no interrupts of
-/// a pin.
+/// A chip in the place of the board's own: pins that are pulled from outside, for QEMU raises no interrupts
+/// of a pin.
 const PULLED: &str = "
     insmod /modules/pulled.ko || exit 1
     mv $(ls /dev/gpiochip* | tail -n 1) /dev/gpiochip0

@@ -1,4 +1,5 @@
-//! The same frames give the same bytes: on the emulated board, in user emulation and on the bench of this machine.
+//! The same frames give the same bytes: on the emulated board, in user emulation and on the bench of this
+//! machine.
 
 use std::path::Path;
 use std::process::Command;

@@ -4,7 +4,8 @@ use e2e::Ride;
 use e2e::guest::Guest;
 use gangway_scene::Scene;
 
-/// Frames a second that the emulation keeps up with on two cores, with room for a machine that does other things.
+/// Frames a second that the emulation keeps up with on two cores, with room for a machine that does other
+/// things.
 pub(crate) const RATE_HZ: u32 = 4;
 
 /// The short ride as raw pictures, with a setup of the emulation's rate.

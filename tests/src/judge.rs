@@ -11,8 +11,8 @@ pub fn sigmas_off(motion: &Motion, truth: &Truth) -> [f64; 6] {
     std::array::from_fn(|i| off(i) / f64::from(motion.sigma[i]))
 }
 
-/// The rings that went into a pose, by their circles' numbers, and how far they are from where these truly show, px; without
-/// limit from one that shows nowhere.
+/// The rings that went into a pose, by their circles' numbers, and how far they are from where these truly
+/// show, px; without limit from one that shows nowhere.
 pub fn used_rings(markers: &Markers<'_>, centres: &[Option<[f64; 2]>]) -> impl Iterator<Item = (usize, f64)> {
     markers.iter().filter(|(circle, _)| markers.is_used(*circle)).map(|(circle, marker)| {
         let [u, v] = marker.at_px.map(f64::from);

@@ -1,5 +1,5 @@
-//! What keeping and finding come to on one scene: poses where enough rings are free to see, wrong rings, the time to be
-//! found again, errors beside their standard deviations, and the cost of a frame.
+//! What keeping and finding come to on one scene: poses where enough rings are free to see, wrong rings, the
+//! time to be found again, errors beside their standard deviations, and the cost of a frame.
 
 use gangway_scene::Scene;
 use gangway_wire::{Pose, PoseFlags, Record};
@@ -50,17 +50,20 @@ pub struct Outcome {
     pub enough: usize,
     /// ... and of these the ones with a pose.
     pub poses: usize,
-    /// Frames with enough rings free before the first pose of all, in which nothing was known yet: all, and the most of a seed.
+    /// Frames with enough rings free before the first pose of all, in which nothing was known yet: all, and
+    /// the most of a seed.
     pub first: [usize; 2],
     /// Frames with enough rings free again and no pose yet: all, and the most on end.
     pub again: [usize; 2],
-    /// Frames with enough rings free and no pose, the last such frame having had one: all, and the most on end.
+    /// Frames with enough rings free and no pose, the last such frame having had one: all, and the most on
+    /// end.
     pub lost: [usize; 2],
     /// Frames whose motion is marked: the camera may have moved, or reference targets are hidden.
     pub marked: usize,
     /// Wrong rings in poses.
     pub wrong: usize,
-    /// Most frames on end with a pose in which one and the same ring was missing that was free and not clipped.
+    /// Most frames on end with a pose in which one and the same ring was missing that was free and not
+    /// clipped.
     pub ring_longest: usize,
     /// Largest error of an unmarked displacement, mm, with its standard deviation.
     pub off_mm: [f64; 2],
@@ -101,12 +104,14 @@ impl Outcome {
         }
     }
 
-    /// Processor time of the median frame of those that track, if there are any, and of the slowest frame of all, us.
+    /// Processor time of the median frame of those that track, if there are any, and of the slowest frame of
+    /// all, us.
     pub fn cost_us(&self) -> (Option<f64>, f64) {
         self.median_and_most(|cost| cost.us)
     }
 
-    /// Greatest counted work of a frame over that of the median frame of those that track: the same in every run.
+    /// Greatest counted work of a frame over that of the median frame of those that track: the same in every
+    /// run.
     pub fn most_work(&self) -> Option<f64> {
         let (median, most) = self.median_and_most(|cost| f64::from(cost.work));
         median.map(|median| most / median)
@@ -181,7 +186,8 @@ struct Without {
     is_blocked: bool,
 }
 
-/// How often a ride is played: the least cost of each frame is what it takes, the rest is what else the machine does.
+/// How often a ride is played: the least cost of each frame is what it takes, the rest is what else the
+/// machine does.
 const PLAYS: usize = 7;
 
 /// Plays one seed of a scene.

@@ -1,7 +1,7 @@
 //! Feeds raw pictures into a V4L2 output (v4l2loopback), so that a camera can be tried without one.
 //!
-//! `feed DEVICE FILE WIDTH HEIGHT RATE GO`: grey pictures of FILE at RATE. The first one is repeated until the file GO
-//! exists, then every one is fed once, then the last one until GO is gone.
+//! `feed DEVICE FILE WIDTH HEIGHT RATE GO`: grey pictures of FILE at RATE. The first one is repeated until
+//! the file GO exists, then every one is fed once, then the last one until GO is gone.
 
 use std::error::Error;
 use std::io::{Read as _, Write as _};

@@ -1,4 +1,5 @@
-//! Lights a lamp on a line of a GPIO chip until standard input ends or gives a line: `lamp /dev/gpiochip0 17`.
+//! Lights a lamp on a line of a GPIO chip until standard input ends or gives a line: `lamp /dev/gpiochip0
+//! 17`.
 
 use std::path::Path;
 

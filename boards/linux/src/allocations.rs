@@ -24,8 +24,8 @@ fn count() {
     let _ = ASKED.try_with(|asked| asked.set(asked.get() + 1));
 }
 
-// SAFETY: every call is handed to the system's allocator unchanged; counting touches an atomic and a number of this
-// thread, and neither allocates.
+// SAFETY: every call is handed to the system's allocator unchanged; counting touches an atomic and a number
+// of this thread, and neither allocates.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

@@ -33,7 +33,8 @@ impl Clock for SystemClock {
 
     /// What the kernel says of its clock (adjtimex): nothing where nobody synchronises it.
     fn utc_offset_ns(&self) -> Option<(i64, u64)> {
-        // SAFETY: a structure of numbers, for which zeros are valid; no mode bit is set, so it is only filled.
+        // SAFETY: a structure of numbers, for which zeros are valid; no mode bit is set, so it is only
+        // filled.
         let (state, time) = unsafe {
             let mut time: libc::timex = std::mem::zeroed();
             (libc::adjtimex(&raw mut time), time)

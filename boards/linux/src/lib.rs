@@ -1,5 +1,6 @@
-//! What every Linux board shares: a V4L2 camera that comes back, the frame loop in a thread of its own that is
-//! scheduled in real time, signals, systemd, a lamp on the GPIO character device, and the board's own condition.
+//! What every Linux board shares: a V4L2 camera that comes back, the frame loop in a thread of its own that
+//! is scheduled in real time, signals, systemd, a lamp on the GPIO character device, and the board's own
+//! condition.
 //!
 //! ```text
 //! V4l2 -> Recovering -> Engine -> outbox -> Courier -> Line          signals --> Signals --\

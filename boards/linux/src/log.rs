@@ -1,8 +1,8 @@
 //! The ride on the box's own card: every record as it leaves the frame loop, whatever the line does with it.
 //!
-//! A thread of its own writes, so that a slow card holds neither the loop nor the line up. Twice a second the file is
-//! synced: with the time that the card takes for it, a box that loses its supply loses no more than the last second. A card
-//! that is full or failing ends the log, never the ride.
+//! A thread of its own writes, so that a slow card holds neither the loop nor the line up. Twice a second the
+//! file is synced: with the time that the card takes for it, a box that loses its supply loses no more than
+//! the last second. A card that is full or failing ends the log, never the ride.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;

@@ -1,5 +1,5 @@
-//! Real time: memory locked, the frame thread ahead of all ordinary ones and on a core of its own. What is not
-//! permitted is told in a sentence; the box measures all the same.
+//! Real time: memory locked, the frame thread ahead of all ordinary ones and on a core of its own. What is
+//! not permitted is told in a sentence; the box measures all the same.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity};

@@ -25,7 +25,8 @@ pub use self::status::{State, Status};
 use crate::notice::{Notice, Notices};
 use crate::{Signals, SystemClock, SystemVitals, Watchdog, clock, log, signals};
 
-/// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all resident.
+/// Stack of the frame thread, bytes: the solver's matrices need a quarter of it. Locked memory is all
+/// resident.
 pub const FRAME_STACK: usize = 512 << 10;
 /// Stack of the link thread, bytes.
 const LINK_STACK: usize = 256 << 10;
@@ -55,7 +56,8 @@ pub struct Summary {
     pub carried: Carried,
 }
 
-/// A loop with another setup, made ready by a slow thread and taken over by the frame thread between two frames.
+/// A loop with another setup, made ready by a slow thread and taken over by the frame thread between two
+/// frames.
 #[derive(Default)]
 pub struct Next(Mutex<Option<Box<Engine>>>);
 
@@ -103,7 +105,8 @@ pub struct Parts<'p, C, L> {
     pub said: Receiver<Notice>,
 }
 
-/// Runs a box until a signal ends it. `slow` is called some times a second in this thread; `say` writes the log.
+/// Runs a box until a signal ends it. `slow` is called some times a second in this thread; `say` writes the
+/// log.
 ///
 /// A panic of the frame loop or of the link leaves every lamp dark before it goes on.
 ///

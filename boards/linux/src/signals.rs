@@ -1,5 +1,5 @@
-//! Signals: the end of the session, and a setup to be read again. They only set flags, and never interrupt the
-//! frame thread in its wait for the camera.
+//! Signals: the end of the session, and a setup to be read again. They only set flags, and never interrupt
+//! the frame thread in its wait for the camera.
 
 use std::io;
 use std::sync::Arc;

@@ -26,7 +26,8 @@ impl Watchdog {
         Self::new(env::var_os("NOTIFY_SOCKET").as_deref(), timeout)
     }
 
-    /// Tells the socket of this name (a path, or `@` and an abstract name); within `timeout` it wants signs of life.
+    /// Tells the socket of this name (a path, or `@` and an abstract name); within `timeout` it wants signs
+    /// of life.
     pub fn new(socket: Option<&OsStr>, timeout: Option<Duration>) -> Self {
         let socket = socket.and_then(connect);
         // Four times as often as asked, so that one that comes late does no harm.

@@ -1,4 +1,5 @@
-//! A camera of libcamera (0.4 to 0.7): raw grey, a mosaic, or the luma of NV12, with everything automatic off.
+//! A camera of libcamera (0.4 to 0.7): raw grey, a mosaic, or the luma of NV12, with everything automatic
+//! off.
 //!
 //! What its `SensorTimestamp` is of, and by which clock, stands at [`sensor_time`].
 
@@ -156,8 +157,8 @@ impl Libcamera {
         Ok(configuration)
     }
 
-    /// Everything automatic off; exposure, gain, focus and rate as the setup says, each within what the camera takes. Gives
-    /// the controls and their names.
+    /// Everything automatic off; exposure, gain, focus and rate as the setup says, each within what the
+    /// camera takes. Gives the controls and their names.
     fn controls(&self, takes: &ControlInfoMap) -> Result<(UniquePtr<ControlList>, String), OpenError> {
         let mut list = ControlList::new();
         let mut put = |id: ControlId, value: ControlValue| list.set_raw(id as u32, value);
@@ -335,8 +336,8 @@ pub(crate) struct LibcameraStream {
     notices: Notices,
 }
 
-// SAFETY: libcamera's camera and manager may be used by any thread, one at a time, and this stream is used exclusively. The
-// places are in memory that its buffers keep mapped.
+// SAFETY: libcamera's camera and manager may be used by any thread, one at a time, and this stream is used
+// exclusively. The places are in memory that its buffers keep mapped.
 unsafe impl Send for LibcameraStream {}
 
 impl LibcameraStream {
@@ -403,7 +404,8 @@ impl Stream for LibcameraStream {
             return Err(lost("libcamera has cancelled a picture".into()));
         }
         let buffer: Option<&MemoryMappedFrameBuffer<FrameBuffer>> = request.buffer(&self.stream);
-        // Not every pipeline tells of the buffer (the virtual one of 0.4 does not): then the request's number is the frame's.
+        // Not every pipeline tells of the buffer (the virtual one of 0.4 does not): then the request's number
+        // is the frame's.
         let (sequence, is_damaged) = match buffer.and_then(|buffer| buffer.metadata()) {
             Some(frame) => (frame.sequence(), frame.status() == FrameMetadataStatus::Error),
             None => (request.sequence(), false),
@@ -422,8 +424,8 @@ impl Stream for LibcameraStream {
     fn picture(&self) -> &[u8] {
         let place = self.current.as_ref().and_then(|request| self.places.get(request.cookie() as usize));
         match place {
-            // SAFETY: the request has its buffer, which stays mapped as long as the request lives, and the camera does not
-            // write into it before the next `wait`, which needs this stream exclusively.
+            // SAFETY: the request has its buffer, which stays mapped as long as the request lives, and the
+            // camera does not write into it before the next `wait`, which needs this stream exclusively.
             Some(&(start, length)) if !start.is_null() => unsafe {
                 std::slice::from_raw_parts(start, length)
             },

@@ -110,7 +110,8 @@ impl Bounces {
     }
 }
 
-/// The mark of an edge of the sync input, with the kernel's time of it: CLOCK_MONOTONIC (linux/gpio.h, version 2), ns.
+/// The mark of an edge of the sync input, with the kernel's time of it: CLOCK_MONOTONIC (linux/gpio.h,
+/// version 2), ns.
 fn edge_mark(edge: &Event) -> heapless::String<MAX_MARK> {
     let way = if edge.trigger == Trigger::RisingEdge { "rise" } else { "fall" };
     let mut text = heapless::String::new();

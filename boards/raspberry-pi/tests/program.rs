@@ -1,4 +1,5 @@
-//! `gangway-pi` as it is called: mistakes are one sentence with the right exit code, and a check says what works.
+//! `gangway-pi` as it is called: mistakes are one sentence with the right exit code, and a check says what
+//! works.
 
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::PermissionsExt as _;

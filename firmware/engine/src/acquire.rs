@@ -1,5 +1,5 @@
-//! Finds the targets without a prediction, in slices of bounded cost: rings first, anywhere in the picture, then which
-//! circles they are.
+//! Finds the targets without a prediction, in slices of bounded cost: rings first, anywhere in the picture,
+//! then which circles they are.
 
 use gangway_device::Frame;
 use gangway_pose::{Assigned, Assigner, Pose, Progress, Sighting, View};
@@ -9,16 +9,18 @@ use heapless::Vec;
 use crate::LampMode;
 use crate::windows::Sight;
 
-/// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of such ones.
+/// Instructions that tracking one ring of 16 to 19 px takes: the work of a slice is counted in the time of
+/// such ones.
 pub(crate) const WORK_A_RING: u32 = 45_000;
-/// Fewest rings whose tracking a slice is measured by: with slices as small as fewer need it would take long to be found.
+/// Fewest rings whose tracking a slice is measured by: with slices as small as fewer need it would take long
+/// to be found.
 const LEAST_RINGS: usize = 22;
 
 // Shares of the tracking of all rings, in tenths, so that no frame comes to more than three times that.
 /// Of sweeping the picture in a frame that nothing is known in: one of 1920 x 1080 is swept in one or two.
 const SWEEPING: i32 = 22;
-/// Of assigning what was seen, with the sweep's end in the same frame: the windows of a pose that was found are looked into
-/// too, and cost somewhat more than those that are predicted.
+/// Of assigning what was seen, with the sweep's end in the same frame: the windows of a pose that was found
+/// are looked into too, and cost somewhat more than those that are predicted.
 const ASSIGNING: i32 = 16;
 /// Of that goes into windows that were looked into and showed too little, of sweeping and of assigning.
 const EMPTY_WINDOWS: [i32; 2] = [10, 7];
@@ -29,8 +31,8 @@ const AT_LEAST: i32 = 1;
 /// Of taking the rings around a pose that they contradict for the circles: a jump must not cost the frame.
 const ASSIGNING_AROUND: i32 = 12;
 
-/// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most of 16 px too and
-/// takes half as long, and one for all, in turn.
+/// Where nothing is known of the rings' size: a sweep for those of so many pixels or more, which finds most
+/// of 16 px too and takes half as long, and one for all, in turn.
 const UNKNOWN_PX: [f64; 2] = [20.0, 9.0];
 
 /// A ring within so much of a diameter of a circle of the other carbody is that one.
@@ -58,7 +60,8 @@ pub(crate) struct Acquirer {
     tenth: i32,
     /// The rings around the windows of this picture.
     around: Vec<Sighting, MAX_SIGHTINGS>,
-    /// Work that this frame has left for the search, if it was begun with the look around, and all that it took.
+    /// Work that this frame has left for the search, if it was begun with the look around, and all that it
+    /// took.
     left: Option<i32>,
     spent: i32,
     /// The rings of the last sweep that are not known to be of the other carbody.
@@ -120,8 +123,8 @@ impl Acquirer {
         self.is_expected = true;
     }
 
-    /// One slice of the search, in this picture, beside `windows`. What shows where the other carbody's circles are is
-    /// left out: `others` are their windows.
+    /// One slice of the search, in this picture, beside `windows`. What shows where the other carbody's
+    /// circles are is left out: `others` are their windows.
     pub(crate) fn slice(
         &mut self,
         frame: &Frame<'_>,
@@ -182,8 +185,8 @@ impl Acquirer {
         progress
     }
 
-    /// The pose that the rings of the last [`Acquirer::look_around`] show, if they show one: where the targets jumped to.
-    /// A sweep that is going on goes on; an assignment begins anew.
+    /// The pose that the rings of the last [`Acquirer::look_around`] show, if they show one: where the
+    /// targets jumped to. A sweep that is going on goes on; an assignment begins anew.
     pub(crate) fn assign_around(
         &mut self,
         sight: &Sight<'_>,
@@ -200,8 +203,8 @@ impl Acquirer {
         if let Progress::Assigned(found) = progress { Some(found) } else { None }
     }
 
-    /// Looks for all rings around these windows, in this picture: those that are not of the other carbody. `None` if that
-    /// would be too much for one frame.
+    /// Looks for all rings around these windows, in this picture: those that are not of the other carbody.
+    /// `None` if that would be too much for one frame.
     pub(crate) fn look_around(
         &mut self,
         frame: &Frame<'_>,
@@ -238,7 +241,8 @@ fn view<'v>(sight: &Sight<'v>, is_plausible: &'v dyn Fn(&Pose) -> bool) -> View<
     View { circles: sight.circles, lens: &sight.settings.lens, picture: sight.settings.picture, is_plausible }
 }
 
-/// The part of a picture in which rings would be taken for circles of this target or for what contradicts them.
+/// The part of a picture in which rings would be taken for circles of this target or for what contradicts
+/// them.
 fn part_around(target: &[Search], (width, height): (u16, u16)) -> Option<Part> {
     let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for search in target {

@@ -1,5 +1,5 @@
-//! The circles of one carbody from frame to frame: where they are looked for, what is found, and their pose in the camera
-//! (thesis 3.2.5, 3.3).
+//! The circles of one carbody from frame to frame: where they are looked for, what is found, and their pose
+//! in the camera (thesis 3.2.5, 3.3).
 
 use gangway_device::Frame;
 use gangway_pose::{
@@ -66,8 +66,8 @@ pub(crate) struct Means<'m> {
 }
 
 impl Carbody {
-    /// The circles of the setup that `mask` names. The seeds give the first pose, and that the first windows; without
-    /// seeds the targets are looked for. With `fixed` the carbody does not move in the camera.
+    /// The circles of the setup that `mask` names. The seeds give the first pose, and that the first windows;
+    /// without seeds the targets are looked for. With `fixed` the carbody does not move in the camera.
     ///
     /// # Errors
     /// As [`crate::Engine::new`].
@@ -104,7 +104,8 @@ impl Carbody {
         })
     }
 
-    /// The pose that a frame shows; `first` is the first one of all. The solution's mask names circles of the setup.
+    /// The pose that a frame shows; `first` is the first one of all. The solution's mask names circles of the
+    /// setup.
     pub(crate) fn measure(
         &mut self,
         frame: &Frame<'_>,
@@ -128,7 +129,8 @@ impl Carbody {
         }
     }
 
-    /// What the last frame's windows showed, with the numbers of the circles in the setup; nothing if none were looked into.
+    /// What the last frame's windows showed, with the numbers of the circles in the setup; nothing if none
+    /// were looked into.
     pub(crate) fn looks(&self) -> impl Iterator<Item = (u8, &Search, &Result<Ring, Refusal>)> {
         let looks = self.numbers.iter().zip(&self.searches).zip(&self.outcomes);
         looks.filter(|_| self.looked).map(|((n, s), o)| (*n, s, o))
@@ -194,8 +196,8 @@ impl Carbody {
         self.layout.restart();
     }
 
-    /// Rest was found, with the carbody in the camera there: its circles are where these frames showed them. Gives what the
-    /// last frame says of its pose with that.
+    /// Rest was found, with the carbody in the camera there: its circles are where these frames showed them.
+    /// Gives what the last frame says of its pose with that.
     pub(crate) fn survey(&mut self, frames: u16, settings: &Settings) -> Option<Solution> {
         let rest = self.predictor.last()?;
         // The frame in which the interval began was seen before that was known.
@@ -211,7 +213,8 @@ impl Carbody {
         self.predictor.rebase(by);
     }
 
-    /// A window for every circle, where the last poses say that it will be, its ring, and the pose of them all.
+    /// A window for every circle, where the last poses say that it will be, its ring, and the pose of them
+    /// all.
     fn follow(
         &mut self,
         frame: &Frame<'_>,
@@ -298,7 +301,8 @@ impl Carbody {
         (observations, seen)
     }
 
-    /// What the windows showed stands, or something better is found, or nothing. The next windows follow from that.
+    /// What the windows showed stands, or something better is found, or nothing. The next windows follow from
+    /// that.
     fn keep(
         &mut self,
         frame: &Frame<'_>,
@@ -358,8 +362,9 @@ impl Carbody {
         self.predictor.learn(libm::sqrt(sum / f64::from(solution.used.count_ones().max(1))));
     }
 
-    /// Of a carbody that shows too little for a pose: moves its windows along with the rings that are still where they were
-    /// expected, so that the others are looked for where they must come back. False if there are not enough.
+    /// Of a carbody that shows too little for a pose: moves its windows along with the rings that are still
+    /// where they were expected, so that the others are looked for where they must come back. False if there
+    /// are not enough.
     fn follow_few(&mut self, frame: u32, means: &Means<'_>) -> bool {
         let Settings { lens, .. } = means.settings;
         let pose = self.predictor.predict(frame);
@@ -388,7 +393,8 @@ impl Carbody {
         true
     }
 
-    /// Where the circles are that no rest interval has shown: a rolling shutter would move those of a moving train.
+    /// Where the circles are that no rest interval has shown: a rolling shutter would move those of a moving
+    /// train.
     fn learn_layout(&mut self, means: &Means<'_>, found: &Result<Solution, PoseError>) {
         let (Ok(solution), Settings { rest, lens, shutter, .. }) = (found, means.settings) else { return };
         let is_surveyed = self.layout.is_surveyed();
@@ -413,8 +419,8 @@ impl Carbody {
         self.variance.learn(solution.residual_px, covariances);
     }
 
-    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and nothing is
-    /// in doubt because the rest is missing.
+    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and
+    /// nothing is in doubt because the rest is missing.
     fn without_lamps(
         &mut self,
         frame: &Frame<'_>,
@@ -446,7 +452,8 @@ impl Carbody {
         windows::searches(&sight(means, &self.circles, &self.seeds), &found.pose, false, &mut self.searches);
         self.look(frame, tracker, means);
         let other = self.solve(frame, means, &found.pose);
-        // It was found in the frames before: where the train has moved on since, windows may show less, and something else.
+        // It was found in the frames before: where the train has moved on since, windows may show less, and
+        // something else.
         let shows_it =
             keep::is_trusted(used(&other), found.found) && used(&other) >= found.found.min(LEAST_FOUND);
         if used(&other) > used(&first) && shows_it {

@@ -63,12 +63,12 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Prepares the loop: the seeds give the first pose, and that gives the first windows. Without seeds the targets are
-    /// looked for.
+    /// Prepares the loop: the seeds give the first pose, and that gives the first windows. Without seeds the
+    /// targets are looked for.
     ///
     /// # Errors
-    /// For either carbody: the seeds do not determine a pose (too few, on one line, or not where these targets can be
-    /// seen), or there are none and no target has enough circles to be known by them.
+    /// For either carbody: the seeds do not determine a pose (too few, on one line, or not where these
+    /// targets can be seen), or there are none and no target has enough circles to be known by them.
     pub fn new(settings: Settings, identity: Identity) -> Result<Self, PoseError> {
         let own = if settings.own == 0 { None } else { Some(Own::new(&settings)?) };
         Ok(Self {
@@ -144,8 +144,8 @@ impl Engine {
         self.recorder.event(outbox, What::ExposureChanged { exposure_us, gain_permille });
     }
 
-    /// Ends the session: puts every lamp out, tells how the loop did since the last record of it, and that this is the
-    /// end.
+    /// Ends the session: puts every lamp out, tells how the loop did since the last record of it, and that
+    /// this is the end.
     pub fn end<C, K: Clock, V: Vitals, L: Lamp>(
         &mut self,
         board: &mut Board<'_, C, K, V, L>,
@@ -159,8 +159,9 @@ impl Engine {
         self.recorder.event(outbox, What::Ended);
     }
 
-    /// Takes the place of `before`, whose setup was another one: goes on with its session, its numbers and counts, says
-    /// that the setup has changed and announces the new one. Rest is looked for again: it belongs to its setup.
+    /// Takes the place of `before`, whose setup was another one: goes on with its session, its numbers and
+    /// counts, says that the setup has changed and announces the new one. Rest is looked for again: it
+    /// belongs to its setup.
     pub fn succeed(&mut self, before: &mut Self, outbox: &mut OutboxProducer<'_>) {
         core::mem::swap(&mut self.recorder, &mut before.recorder);
         core::mem::swap(&mut self.pulse, &mut before.pulse);
@@ -181,8 +182,8 @@ impl Engine {
         self.recorder.lost()
     }
 
-    /// Work of the frames since this was asked last, in instructions that tracking takes: windows looked into, each as a ring
-    /// of 16 to 19 px, and the search. What a frame costs in any case is not in it.
+    /// Work of the frames since this was asked last, in instructions that tracking takes: windows looked
+    /// into, each as a ring of 16 to 19 px, and the search. What a frame costs in any case is not in it.
     pub fn take_work(&mut self) -> u32 {
         let windows = self.tracker.take_looks().saturating_mul(WORK_A_RING);
         let own = self.own.as_mut().map_or(0, Own::take_spent);
@@ -229,8 +230,8 @@ impl Engine {
         Some(flags)
     }
 
-    /// The pose of CB_02 that this frame shows: in the camera, or in the camera's own carbody where that has reference
-    /// targets.
+    /// The pose of CB_02 that this frame shows: in the camera, or in the camera's own carbody where that has
+    /// reference targets.
     fn measure(&mut self, frame: &Frame<'_>, outbox: &mut OutboxProducer<'_>) -> Result<Solution, PoseError> {
         let first = self.pulse.frames() == 0;
         let (settings, tracker) = (&self.settings, &mut self.tracker);

@@ -1,5 +1,6 @@
-//! The camera's exposure, by the level of the targets themselves: their white, or their lit discs, is kept where noise is
-//! small and nothing is clipped. Slowly: a change shows some frames later, and until then nothing is changed again.
+//! The camera's exposure, by the level of the targets themselves: their white, or their lit discs, is kept
+//! where noise is small and nothing is clipped. Slowly: a change shows some frames later, and until then
+//! nothing is changed again.
 
 use gangway_device::{Exposure, Frame};
 use gangway_vision::{Refusal, Ring};
@@ -16,8 +17,8 @@ pub struct AutoExposure {
 
 /// Level at which the targets' white is kept, share of full scale: half as bright again is not clipped yet.
 const WANTED: f32 = 0.65;
-/// A level beyond this factor of it is changed at once. One within that waits for the mean of so many frames, and is left
-/// alone where that is within the second factor: a flicker is no reason.
+/// A level beyond this factor of it is changed at once. One within that waits for the mean of so many frames,
+/// and is left alone where that is within the second factor: a flicker is no reason.
 const AT_ONCE: f32 = 1.5;
 const FRAMES: u32 = 25;
 const BAND: f32 = 1.2;
@@ -154,7 +155,8 @@ mod tests {
         Ok(Ring { centre, diameter_px: 20.0, white: white.min(1.2), black: 0.0, noise: 0.01, blur_px: 0.7 })
     }
 
-    /// Level of each frame with a camera that follows after two frames, in this light, and the number of changes.
+    /// Level of each frame with a camera that follows after two frames, in this light, and the number of
+    /// changes.
     fn play(light: impl Fn(u32) -> f32, frames: u32) -> (std::vec::Vec<f32>, u32) {
         let bounds = AutoExposure { longest_s: 8e-3, most_gain: 8.0 };
         let mut exposer = Exposer::new(Some(bounds), false);

@@ -1,10 +1,10 @@
 //! Never lost, never wrong: whether the rings that were found are taken, doubted or looked for anew.
 //!
-//! Equal circles on a lattice: a jump by most of their spacing looks like a small jump the other way, and the rings that
-//! have a neighbour there agree on it. What gives it away is that the others are missing, and that rings stand where
-//! there should be none. So a pose that misses many circles is in doubt: the whole picture is swept for rings, and what
-//! these show stands. Once nothing was found for some frames, nothing is taken for granted any more: only what the whole
-//! picture shows counts, or what contradicts nothing in it.
+//! Equal circles on a lattice: a jump by most of their spacing looks like a small jump the other way, and the
+//! rings that have a neighbour there agree on it. What gives it away is that the others are missing, and that
+//! rings stand where there should be none. So a pose that misses many circles is in doubt: the whole picture
+//! is swept for rings, and what these show stands. Once nothing was found for some frames, nothing is taken
+//! for granted any more: only what the whole picture shows counts, or what contradicts nothing in it.
 
 use gangway_device::Frame;
 use gangway_pose::{Assigned, Pose, PoseError, Progress, Sighting, Solution, angles, project_circle};
@@ -14,11 +14,11 @@ use crate::Settings;
 use crate::acquire::{Acquirer, NEIGHBOURHOOD, SIZE, Windows};
 use crate::windows::Sight;
 
-/// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a 7-CCC
-/// still has four of its rings on others, a 5-CCC two.
+/// A pose is beyond doubt when this share of the circles in the picture went into it. Moved by a spacing, a
+/// 7-CCC still has four of its rings on others, a 5-CCC two.
 const TRUSTED: (u32, u32) = (7, 10);
-/// Once a doubt is settled it is not raised again for so many frames, while nothing gets worse: somebody may just stand
-/// in the gangway.
+/// Once a doubt is settled it is not raised again for so many frames, while nothing gets worse: somebody may
+/// just stand in the gangway.
 const PATIENCE: u32 = 10;
 /// Fewer circles by more than this are worse.
 const WORSE: u32 = 2;
@@ -26,8 +26,8 @@ const WORSE: u32 = 2;
 const COASTING_FRAMES: u32 = 3;
 /// Fewest circles that may confirm the last pose after that.
 const LEAST_CONFIRMING: u32 = 6;
-/// A ring is explained by a circle that shows within this share of the way to its nearest neighbour's middle: in the
-/// picture that was swept, and in a later one, where it may have moved on.
+/// A ring is explained by a circle that shows within this share of the way to its nearest neighbour's middle:
+/// in the picture that was swept, and in a later one, where it may have moved on.
 const EXPLAINED: [f64; 2] = [0.2, 0.8];
 /// The smallest ring may have become smaller to this share.
 const SMALLER: f64 = 0.9;
@@ -110,7 +110,8 @@ impl Keeper {
         }
     }
 
-    /// The rings of the last sweep, if the last pose is only looked back at: where they show none, no window is worth it.
+    /// The rings of the last sweep, if the last pose is only looked back at: where they show none, no window
+    /// is worth it.
     pub(crate) fn glimpses(&self) -> Option<&[Sighting]> {
         (self.looks_back && !self.fixed).then(|| self.acquirer.sightings())
     }
@@ -154,8 +155,8 @@ impl Keeper {
         }
     }
 
-    /// Whether the place where the targets were last, once they are lost, is theirs: enough rings are there, and what the
-    /// last sweep showed does not contradict it.
+    /// Whether the place where the targets were last, once they are lost, is theirs: enough rings are there,
+    /// and what the last sweep showed does not contradict it.
     fn confirms(&mut self, own: &Solution, question: &Question<'_>) -> bool {
         let Question { sight, searches, .. } = question;
         let rings = self.acquirer.sightings();
@@ -163,8 +164,8 @@ impl Keeper {
             && !contradicts(rings, &own.pose, sight, searches, EXPLAINED[1])
     }
 
-    /// A pose that misses much: it stands unless rings beside it contradict it, which is looked for at once, or the whole
-    /// picture shows a better one, which takes some frames.
+    /// A pose that misses much: it stands unless rings beside it contradict it, which is looked for at once,
+    /// or the whole picture shows a better one, which takes some frames.
     fn doubt(&mut self, frame: &Frame<'_>, question: &Question<'_>, own: &Solution) -> Verdict {
         let Question { sight, searches, others, .. } = *question;
         let around = self.acquirer.look_around(frame, searches, others);
@@ -211,7 +212,8 @@ impl Keeper {
         self.acquirer.take_spent()
     }
 
-    /// Takes note of how the frame ended: with so many circles in a pose, or at least with some where they were `followed`.
+    /// Takes note of how the frame ended: with so many circles in a pose, or at least with some where they
+    /// were `followed`.
     pub(crate) fn note(&mut self, used: Option<u32>, followed: bool, in_picture: u32) {
         if let Some(used) = used {
             self.hold = Hold::Kept;
@@ -275,8 +277,8 @@ fn agree(one: &Pose, other: &Pose, sight: &Sight<'_>, searches: &[Search]) -> bo
     })
 }
 
-/// Whether rings stand beside a pose's circles where it has none: too many for chance. What is `within` this share of
-/// half the way to a circle's neighbour is that circle.
+/// Whether rings stand beside a pose's circles where it has none: too many for chance. What is `within` this
+/// share of half the way to a circle's neighbour is that circle.
 fn contradicts(
     sightings: &[Sighting],
     pose: &Pose,

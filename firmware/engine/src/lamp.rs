@@ -1,5 +1,6 @@
-//! When the lamps of lit targets are switched: between two exposures. A free-running camera is already exposing the next
-//! frame when one arrives, so the switch waits for the end of that exposure, which is before that frame can come.
+//! When the lamps of lit targets are switched: between two exposures. A free-running camera is already
+//! exposing the next frame when one arrives, so the switch waits for the end of that exposure, which is
+//! before that frame can come.
 
 use gangway_device::{Clock, Lamp};
 
@@ -13,11 +14,13 @@ pub enum LampMode {
     On,
     /// They stay dark.
     Off,
-    /// They shine in every other frame, and in all of them while the targets are being found: that takes some frames.
+    /// They shine in every other frame, and in all of them while the targets are being found: that takes some
+    /// frames.
     Alternate,
 }
 
-/// What must be left between two exposures for a switch, s: the lamps' own rise and what the frames' times are off.
+/// What must be left between two exposures for a switch, s: the lamps' own rise and what the frames' times
+/// are off.
 pub const LAMP_MARGIN_S: f64 = 1e-3;
 
 /// Drives the lamps.
@@ -27,8 +30,8 @@ pub(crate) struct Lamps {
 }
 
 impl Lamps {
-    /// Switches the lamps as the mode asks, after the frame of this time (mid-exposure); `seeking` while nothing is known of
-    /// the targets' place.
+    /// Switches the lamps as the mode asks, after the frame of this time (mid-exposure); `seeking` while
+    /// nothing is known of the targets' place.
     ///
     /// Waits at most for the end of the exposure that is going on.
     pub(crate) fn drive<L: Lamp>(
@@ -84,7 +87,8 @@ impl Gap {
         let exposure_s = settings.exposure.map_or(settings.shutter.exposure_s, |auto| auto.longest_s);
         let half = 0.5 * (exposure_s + rows + LAMP_MARGIN_S);
         let period = ns(1.0 / settings.rate_hz).max(1);
-        // Where nothing is left, which the setup refuses for lamps that alternate, the middle between two frames.
+        // Where nothing is left, which the setup refuses for lamps that alternate, the middle between two
+        // frames.
         let from = ns(half).min(period / 2);
         Self { period, from, to: period - from }
     }

@@ -1,7 +1,7 @@
-//! Where a carbody's circles truly are: a layout is measured with a tape, and off by millimetres that would pull every pose
-//! differently as circles come and go. What counts is the motion since rest, so the rest interval itself surveys the
-//! circles: each is moved, across the line of sight, to where the rest pose shows it. How far off it is along the line of
-//! sight shows only as the train moves, and little.
+//! Where a carbody's circles truly are: a layout is measured with a tape, and off by millimetres that would
+//! pull every pose differently as circles come and go. What counts is the motion since rest, so the rest
+//! interval itself surveys the circles: each is moved, across the line of sight, to where the rest pose shows
+//! it. How far off it is along the line of sight shows only as the train moves, and little.
 
 use gangway_pose::{Centre, Circle, Lens, MAX_CIRCLES, Pose, Solution};
 use gangway_vision::{Refusal, Ring};
@@ -51,8 +51,8 @@ impl Layout {
         circles & !self.surveyed == 0
     }
 
-    /// By how much more a pose varies with the layout than with as much noise of each circle: those of a target are off
-    /// together, and so hide what they are off by in the pose.
+    /// By how much more a pose varies with the layout than with as much noise of each circle: those of a
+    /// target are off together, and so hide what they are off by in the pose.
     pub(crate) fn correlation(&self) -> f64 {
         self.together * self.hidden()
     }
@@ -64,8 +64,8 @@ impl Layout {
         (shown / (shown - TAKEN).max(1.0)).max(1.0)
     }
 
-    /// A circle's centre with what its place is uncertain by: all of it if others were surveyed and it was not, and if it
-    /// was, how far it was off along the line of sight, as far as that has turned since.
+    /// A circle's centre with what its place is uncertain by: all of it if others were surveyed and it was
+    /// not, and if it was, how far it was off along the line of sight, as far as that has turned since.
     pub(crate) fn with(&self, circle: usize, centre: Centre, slack: &Slack) -> Centre {
         let sigma = match (self.surveyed, self.surveyed >> circle & 1) {
             (0, _) => return centre,
@@ -116,8 +116,8 @@ impl Layout {
         self.counts = [0; MAX_CIRCLES];
     }
 
-    /// Moves the circles that so many frames showed to where these did, none by more than `most_mm`. Gives the squares of
-    /// their steps, summed, mm^2.
+    /// Moves the circles that so many frames showed to where these did, none by more than `most_mm`. Gives
+    /// the squares of their steps, summed, mm^2.
     pub(crate) fn adopt(&mut self, circles: &mut [Circle], least: u16, most_mm: f64) -> f64 {
         let mut squares = 0.0;
         for (i, circle) in circles.iter_mut().enumerate() {
@@ -145,8 +145,8 @@ impl Layout {
     }
 }
 
-/// How far layout and picture may disagree, px: at a circle that was not surveyed, at most, and at those that were, as a
-/// standard deviation.
+/// How far layout and picture may disagree, px: at a circle that was not surveyed, at most, and at those that
+/// were, as a standard deviation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slack {
     pub(crate) whole_px: f64,
@@ -302,8 +302,8 @@ mod tests {
         };
         assert!((sigma([0.0; 3]) - 0.01).abs() < 1e-4);
         let aside = sigma([170.0, 0.0, 0.0]);
-        // Of 2 mm in half of the circles 1 mm a coordinate is left, by the correlation three to four times as much; a tenth
-        // of that shows.
+        // Of 2 mm in half of the circles 1 mm a coordinate is left, by the correlation three to four times as
+        // much; a tenth of that shows.
         assert!((0.2..1.0).contains(&aside), "{aside}");
     }
 }

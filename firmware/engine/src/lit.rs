@@ -1,17 +1,19 @@
-//! Whether the lamps of lit targets shone over a frame's exposure: measured from its discs, never taken from what the
-//! lamps were told.
+//! Whether the lamps of lit targets shone over a frame's exposure: measured from its discs, never taken from
+//! what the lamps were told.
 
 use gangway_pose::MAX_CIRCLES;
 use gangway_vision::{Refusal, Ring, Search};
 
-/// A disc at this share of its own level or more was lit over the whole exposure, at that or less over none of it.
+/// A disc at this share of its own level or more was lit over the whole exposure, at that or less over none
+/// of it.
 const WHOLLY: f32 = 0.85;
 const NOT: f32 = 0.15;
 
 /// Share of what a disc's level is off that is taken over with each lit frame.
 const GAIN: f32 = 0.25;
 
-/// Frames between that show the same, to `ALIKE` of the level, until that is the lamps' own level: a lens got dirty.
+/// Frames between that show the same, to `ALIKE` of the level, until that is the lamps' own level: a lens got
+/// dirty.
 const REPEATS: u8 = 4;
 const ALIKE: f32 = 0.05;
 

@@ -1,5 +1,6 @@
-//! The camera on its own carbody, as the reference targets there show it: where it stands, whether it was knocked out of
-//! that place, how much it shakes. Nothing of that is in the measured motion; here it becomes events.
+//! The camera on its own carbody, as the reference targets there show it: where it stands, whether it was
+//! knocked out of that place, how much it shakes. Nothing of that is in the measured motion; here it becomes
+//! events.
 
 use gangway_pose::{Pose, Solution};
 use gangway_wire::{MoveEvidence, What};
@@ -11,8 +12,8 @@ const PLACE_FRAMES: u32 = 10;
 const KNOCK: [f64; 2] = [0.3, 0.05];
 /// ... if that is beyond noise: chi squared of six numbers, exceeded by chance once in 10^10 frames.
 const SIGNIFICANT: f64 = 60.0;
-/// Frames that must agree, to this share of the way from the place, on where a knocked camera stands: a shaking one does
-/// not stay.
+/// Frames that must agree, to this share of the way from the place, on where a knocked camera stands: a
+/// shaking one does not stay.
 const AGREEING: usize = 3;
 const AGREEMENT: f64 = 1.0 / 3.0;
 /// Shaking is told from here on, mm and degrees root mean square ...
@@ -139,7 +140,8 @@ impl Mount {
         [knocked, shaking]
     }
 
-    /// CB_01 where it was seen before, for a frame that does not show it; how far the camera shakes is in its covariance.
+    /// CB_01 where it was seen before, for a frame that does not show it; how far the camera shakes is in its
+    /// covariance.
     pub(crate) fn remembered(&self) -> Option<Solution> {
         let origin = self.origin?;
         let (place, uncertain) = self.place.unwrap_or((self.block.mean(), Matrix6::zeros()));
@@ -189,8 +191,8 @@ impl Mount {
     }
 }
 
-/// How far a move takes the camera itself on its carbody, mm, and how far it turns it, degrees: the camera stands at
-/// `-Q^T s`, which a move (v, w) takes by `-Q^T (v + s x w)`.
+/// How far a move takes the camera itself on its carbody, mm, and how far it turns it, degrees: the camera
+/// stands at `-Q^T s`, which a move (v, w) takes by `-Q^T (v + s x w)`.
 fn sizes(by: &Move, origin: &Pose) -> [f64; 2] {
     let (v, w) = halves(by);
     [(v + origin.translation.cross(&w)).norm(), w.norm().to_degrees()]

@@ -1,6 +1,6 @@
-//! Whether the camera may have moved on its carbody, where no reference targets tell. One camera and one carbody before it
-//! cannot tell whose motion it is; but a step that no train can make from one frame to the next is hardly the train's, and
-//! a train that stands should stand where it stood at rest.
+//! Whether the camera may have moved on its carbody, where no reference targets tell. One camera and one
+//! carbody before it cannot tell whose motion it is; but a step that no train can make from one frame to the
+//! next is hardly the train's, and a train that stands should stand where it stood at rest.
 
 use gangway_pose::{Pose, RestPose, Solution};
 use gangway_wire::{MoveEvidence, What};
@@ -51,9 +51,9 @@ impl Suspicion {
         self.past = [None; 2];
     }
 
-    /// Takes the pose of the next frame, with the middle of the circles in the carbody; tells a step that no train can
-    /// make. After a step the two next frames, whose speed still has it in it, are not judged. A lesser one that few trains
-    /// make puts the poses after it into doubt.
+    /// Takes the pose of the next frame, with the middle of the circles in the carbody; tells a step that no
+    /// train can make. After a step the two next frames, whose speed still has it in it, are not judged. A
+    /// lesser one that few trains make puts the poses after it into doubt.
     pub(crate) fn follow(
         &mut self,
         (frame, time_ns): (u32, u64),
@@ -99,8 +99,8 @@ impl Suspicion {
         Some(What::CameraMoved { evidence: MoveEvidence::Shock, shift_mm, turn_deg })
     }
 
-    /// The train stands with this pose: is it where it stood at rest? Tells a place that is not when that is news; the
-    /// right place ends the suspicion.
+    /// The train stands with this pose: is it where it stood at rest? Tells a place that is not when that is
+    /// news; the right place ends the suspicion.
     pub(crate) fn stands(
         &mut self,
         solution: &Solution,

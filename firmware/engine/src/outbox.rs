@@ -13,7 +13,8 @@ pub const INBOX_SLOTS: usize = 16;
 pub struct Packet {
     /// Kind of the record, so that a narrow line can thin by kind.
     pub kind: u8,
-    /// Mid-exposure of the frame that a `Pose` belongs to, ns, so that the link can tell how late it is; 0 for others.
+    /// Mid-exposure of the frame that a `Pose` belongs to, ns, so that the link can tell how late it is; 0
+    /// for others.
     pub exposed_ns: u64,
     /// The framed bytes.
     pub bytes: Vec<u8, MAX_FRAME>,

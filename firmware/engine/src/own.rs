@@ -1,5 +1,5 @@
-//! The camera's own carbody, where the setup has reference targets on it: the motion is that of the one carbody against
-//! the other, whatever the camera does.
+//! The camera's own carbody, where the setup has reference targets on it: the motion is that of the one
+//! carbody against the other, whatever the camera does.
 
 use gangway_device::Frame;
 use gangway_pose::{Lens, Pose, PoseError, Shutter, Solution, Track, angles, at_mid_exposure, relative_pose};
@@ -12,8 +12,8 @@ use crate::carbody::{Carbody, Means};
 use crate::keep;
 use crate::mount::Mount;
 
-/// Moves of the camera that its reference targets cannot tell from noise are none: chi squared of six numbers, exceeded
-/// by chance once in a thousand.
+/// Moves of the camera that its reference targets cannot tell from noise are none: chi squared of six
+/// numbers, exceeded by chance once in a thousand.
 const NOISE: f64 = 22.5;
 
 /// CB_01 and the camera on it.
@@ -24,7 +24,8 @@ pub(crate) struct Own {
     track: Track,
     /// CB_01 as this frame shows it.
     seen: Option<Solution>,
-    /// CB_01 when rest was first looked for; centres at rest are told as the camera would have seen them then.
+    /// CB_01 when rest was first looked for; centres at rest are told as the camera would have seen them
+    /// then.
     anchor: Option<Pose>,
 }
 
@@ -50,8 +51,9 @@ impl Own {
         self.carbody.take_spent()
     }
 
-    /// Looks for CB_01. It is searched for only while CB_02, before which it stands, is known; the two are about aligned.
-    /// Gives what the mount has to tell, and takes the windows of `other` along with the camera.
+    /// Looks for CB_01. It is searched for only while CB_02, before which it stands, is known; the two are
+    /// about aligned. Gives what the mount has to tell, and takes the windows of `other` along with the
+    /// camera.
     pub(crate) fn measure(
         &mut self,
         frame: &Frame<'_>,
@@ -126,8 +128,8 @@ impl Own {
         self.anchor = None;
     }
 
-    /// Where a point, in CB_01, shows against where it would show had the camera not moved since rest was first looked
-    /// for, px; nothing where the camera has not moved as far as can be seen.
+    /// Where a point, in CB_01, shows against where it would show had the camera not moved since rest was
+    /// first looked for, px; nothing where the camera has not moved as far as can be seen.
     pub(crate) fn moved_px(&mut self, point: &Vector3<f64>, lens: &Lens) -> [f64; 2] {
         let Some(seen) = &self.seen else { return [0.0; 2] };
         let anchor = *self.anchor.get_or_insert(seen.pose);

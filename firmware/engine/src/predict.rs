@@ -28,8 +28,8 @@ impl Predictor {
 
     /// Takes the pose measured in `frame`.
     pub(crate) fn update(&mut self, frame: u32, pose: Pose) {
-        // Over a short gap the motion is spread evenly; over a long one nothing is known, and holding still is the
-        // better guess.
+        // Over a short gap the motion is spread evenly; over a long one nothing is known, and holding still
+        // is the better guess.
         let gap = self.frame.map_or(u32::MAX, |before| frame.wrapping_sub(before));
         self.motion = (1..=COASTING_FRAMES).contains(&gap).then(|| Pose {
             rotation: share(&(pose.rotation * self.last.rotation.transpose()), gap),
@@ -44,8 +44,8 @@ impl Predictor {
         self.off_px = off_px.max(FADING * self.off_px);
     }
 
-    /// How far rings may be off where they are expected in `frame`, px: what they were off from one frame to the next is an
-    /// acceleration, and adds up as one.
+    /// How far rings may be off where they are expected in `frame`, px: what they were off from one frame to
+    /// the next is an acceleration, and adds up as one.
     pub(crate) fn uncertain_px(&self, frame: u32) -> f64 {
         let Some(before) = self.frame else { return 0.0 };
         let gap = f64::from(frame.wrapping_sub(before).min(COASTING_FRAMES + 1));

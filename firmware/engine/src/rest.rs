@@ -117,8 +117,8 @@ impl RestFinder {
         self.solutions.len() >= self.frames()
     }
 
-    /// The mean of the interval that `last_frame` has completed, all of its poses on one side of a plane; each with this
-    /// covariance, if there is one for all.
+    /// The mean of the interval that `last_frame` has completed, all of its poses on one side of a plane;
+    /// each with this covariance, if there is one for all.
     pub(crate) fn mean(&mut self, last_frame: u32, covariance: Option<Matrix6<f64>>) -> Option<Found> {
         let ambiguous = untangle(&mut self.solutions);
         if let Some(covariance) = covariance {

@@ -14,8 +14,8 @@ pub struct RestSettings {
     pub excursion_px: f64,
     /// Largest common drift of the circles between the interval's halves, px; 0.01 to 2, default 0.1.
     pub drift_px: f64,
-    /// How far a circle may lie from where the layout says, mm; 0 to 50, default 5: what a tape measures. The rest interval
-    /// shows where it is. With 0 the layout is taken as exact.
+    /// How far a circle may lie from where the layout says, mm; 0 to 50, default 5: what a tape measures. The
+    /// rest interval shows where it is. With 0 the layout is taken as exact.
     pub layout_mm: f64,
 }
 
@@ -34,8 +34,8 @@ pub struct Limits {
     pub max_mm: [f64; 3],
     /// Greatest roll, pitch, yaw to either side, degrees.
     pub max_deg: [f64; 3],
-    /// Greatest acceleration of one carbody's end against the other's, mm/s^2; 100 to 10^9. Beyond it the camera may have
-    /// moved, where no reference targets tell.
+    /// Greatest acceleration of one carbody's end against the other's, mm/s^2; 100 to 10^9. Beyond it the
+    /// camera may have moved, where no reference targets tell.
     pub shock_mm_s2: f64,
     /// Greatest angular acceleration of one carbody against the other, degrees/s^2; 1 to 10^7.
     pub shock_deg_s2: f64,
@@ -46,9 +46,9 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Velaro D (thesis 1.2). Shocks: 5 g of either carbody (EN 61373, category 1, along the track), and as much at the ends
-    /// of two carbodies of 23 m that turn against each other. Standing: couplers stop a train anywhere in their slack, so
-    /// more than half of the travel along the track.
+    /// Velaro D (thesis 1.2). Shocks: 5 g of either carbody (EN 61373, category 1, along the track), and as
+    /// much at the ends of two carbodies of 23 m that turn against each other. Standing: couplers stop a
+    /// train anywhere in their slack, so more than half of the travel along the track.
     fn default() -> Self {
         Self {
             min_mm: [-70.0, -900.0, -350.0],
@@ -81,8 +81,8 @@ pub struct Settings {
     pub own: u64,
     /// Where each circle is at rest, px, as far as the setup says: one entry a circle.
     pub seeds: Vec<Option<[f64; 2]>, MAX_CIRCLES>,
-    /// About where the carbody is at rest in the camera, where the setup says it: of two poses that show the same, the one
-    /// within the limits of the motion from here is taken.
+    /// About where the carbody is at rest in the camera, where the setup says it: of two poses that show the
+    /// same, the one within the limits of the motion from here is taken.
     pub reference: Option<Pose>,
     /// The tracker.
     pub vision: gangway_vision::Settings,

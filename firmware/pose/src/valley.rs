@@ -18,8 +18,8 @@ const SIGMAS: f64 = 3.0;
 const DOUBLINGS: usize = 5;
 /// No further than this, radians: what is less certain is uncertain enough.
 const FURTHEST: f64 = 0.5;
-/// Steps at the most that bring a place beside the valley down to its floor, and the fall, as a share of the rise that is
-/// looked for, below which one is the last.
+/// Steps at the most that bring a place beside the valley down to its floor, and the fall, as a share of the
+/// rise that is looked for, below which one is the last.
 const DESCENTS: usize = 4;
 const SMALL_FALL: f64 = 0.01;
 

@@ -1,5 +1,6 @@
-//! What tracking costs: rings of 17 and 36 px in windows of 2.5 diameters, sub-pixel step included. Criterion prints
-//! the time a frame of `RINGS` rings and the window pixels a second; ns a window pixel and us a ring follow them.
+//! What tracking costs: rings of 17 and 36 px in windows of 2.5 diameters, sub-pixel step included. Criterion
+//! prints the time a frame of `RINGS` rings and the window pixels a second; ns a window pixel and us a ring
+//! follow them.
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,6 +1,7 @@
-//! Finds rings anywhere in a picture, without a prediction: rows a few pixels apart are searched for the pattern white,
-//! black, white, black, white of a ring (as finder patterns of two-dimensional codes are, ISO/IEC 18004), and what shows
-//! it is looked at along eight rays. In slices: so much work a frame and no more.
+//! Finds rings anywhere in a picture, without a prediction: rows a few pixels apart are searched for the
+//! pattern white, black, white, black, white of a ring (as finder patterns of two-dimensional codes are,
+//! ISO/IEC 18004), and what shows it is looked at along eight rays. In slices: so much work a frame and no
+//! more.
 
 mod disc;
 mod probe;
@@ -18,7 +19,8 @@ use crate::{MAX_SIDE, Settings};
 /// Most rings that one sweep can find; more ring-like things than that hide the real ones.
 pub const MAX_SIGHTINGS: usize = 96;
 
-/// Rows from one that is searched to the next, at least: the inner disc of the smallest ring (12 px, 2:1) is 6 px high.
+/// Rows from one that is searched to the next, at least: the inner disc of the smallest ring (12 px, 2:1) is
+/// 6 px high.
 const ROW_STEPS: [f64; 2] = [4.0, 16.0];
 /// The same as a share of the smallest diameter, where that is known.
 const STEP_SHARE: f64 = 0.42;
@@ -31,9 +33,9 @@ const RATIO_BLUR: f64 = 1.5;
 /// Rings nearer to each other than this share of a diameter are one.
 const SAME: f64 = 0.4;
 
-// What a slice is counted in: instructions of tracking that take as long, fitted to the times of some hundred frames of 28
-// rings at 1920 x 1080. One of these takes longer than one of tracking: it waits for what it branches on, and across the
-// rows for memory.
+// What a slice is counted in: instructions of tracking that take as long, fitted to the times of some hundred
+// frames of 28 rings at 1920 x 1080. One of these takes longer than one of tracking: it waits for what it
+// branches on, and across the rows for memory.
 /// Of four pixels of a searched row.
 const WORK_FOUR_PIXELS: i32 = 14;
 /// Of a change between black and white.
@@ -70,7 +72,8 @@ pub struct Acquisition {
 }
 
 impl Acquisition {
-    /// A search with the tracker's settings for rings whose outer to inner diameter is from `ratios[0]` to `ratios[1]`.
+    /// A search with the tracker's settings for rings whose outer to inner diameter is from `ratios[0]` to
+    /// `ratios[1]`.
     pub fn new(settings: &Settings, ratios: [f64; 2]) -> Self {
         Self {
             limits: Limits::new(settings.min_contrast, ratios),
@@ -98,7 +101,8 @@ impl Acquisition {
         self
     }
 
-    /// Says how large the smallest ring shows, px, where that is known: fewer rows are enough for larger rings.
+    /// Says how large the smallest ring shows, px, where that is known: fewer rows are enough for larger
+    /// rings.
     pub fn expect(&mut self, diameter_px: f64) {
         let step = (STEP_SHARE * diameter_px).clamp(ROW_STEPS[0], ROW_STEPS[1]) as u16;
         // What is no number has become zero.
@@ -148,8 +152,8 @@ impl Acquisition {
         true
     }
 
-    /// Looks for rings in one part of the picture, all of it at once unless `work`, which it takes off, is not enough: then
-    /// false. A sweep that is going on is left alone.
+    /// Looks for rings in one part of the picture, all of it at once unless `work`, which it takes off, is
+    /// not enough: then false. A sweep that is going on is left alone.
     pub fn look_in(
         &mut self,
         frame: &Frame,

@@ -10,7 +10,8 @@ use crate::loader::View;
 pub(crate) const WORDS: usize = MAX_SIDE / 64;
 const _: () = assert!(MAX_SIDE.is_multiple_of(64));
 
-/// One row; bit `x % 64` of word `x / 64` is pixel `x`, set where it is dark. Bits beyond the width are clear.
+/// One row; bit `x % 64` of word `x / 64` is pixel `x`, set where it is dark. Bits beyond the width are
+/// clear.
 type Row = [u64; WORDS];
 
 /// What a filter knows of the first `N` words of a row.
@@ -96,8 +97,8 @@ impl Bits {
         }
     }
 
-    /// Makes every row of `N` words from what `along` makes of it and of the rows above and below it; the first and
-    /// last stand in for those outside.
+    /// Makes every row of `N` words from what `along` makes of it and of the rows above and below it; the
+    /// first and last stand in for those outside.
     #[inline(always)]
     fn filter<const N: usize>(
         &mut self,
@@ -152,8 +153,8 @@ fn below(block: &[u8; 64], threshold: u8) -> u64 {
     transposed(low | high << 1)
 }
 
-/// Bit 2 k of column j says whether byte 16 k + j is below `threshold`. Not inlined: so the compiler compares sixteen
-/// bytes at a time.
+/// Bit 2 k of column j says whether byte 16 k + j is below `threshold`. Not inlined: so the compiler compares
+/// sixteen bytes at a time.
 #[inline(never)]
 fn compare(block: &[u8; 64], threshold: u8, columns: &mut [u8; 16]) {
     let (rows, _) = block.as_chunks::<16>();
@@ -163,8 +164,8 @@ fn compare(block: &[u8; 64], threshold: u8, columns: &mut [u8; 16]) {
     }
 }
 
-/// Bit k of byte j for bit j of byte k: swaps single bits, then squares of 2 x 2, then of 4 x 4 (H. S. Warren, Hacker's
-/// Delight, 7-3).
+/// Bit k of byte j for bit j of byte k: swaps single bits, then squares of 2 x 2, then of 4 x 4 (H. S.
+/// Warren, Hacker's Delight, 7-3).
 #[inline(always)]
 pub(crate) fn transposed(mut x: u64) -> u64 {
     for (mask, shift) in
@@ -224,8 +225,8 @@ fn sums_of_three<const N: usize>(row: &[u64; N], last: &Row) -> Pair<N> {
 fn majority<const N: usize>(above: &Pair<N>, row: &Pair<N>, below: &Pair<N>, i: usize) -> u64 {
     let ones = above.0[i] ^ row.0[i] ^ below.0[i];
     let carry = two_of(above.0[i], row.0[i], below.0[i]);
-    // Of four twos: at least two, at least three. Nine bits make five or more if there are three twos, or two twos
-    // and a one.
+    // Of four twos: at least two, at least three. Nine bits make five or more if there are three twos, or two
+    // twos and a one.
     let (ab_and, ab_or) = (above.1[i] & row.1[i], above.1[i] | row.1[i]);
     let (cd_and, cd_or) = (below.1[i] & carry, below.1[i] | carry);
     let two = ab_and | cd_and | (ab_or & cd_or);

@@ -1,5 +1,5 @@
-//! Which components are a ring (thesis 3.2.5, the criteria of a CCC candidate): a dark and a bright one, the bright
-//! within the dark, centroids together, size, area ratio; and an outline that is the expected ellipse.
+//! Which components are a ring (thesis 3.2.5, the criteria of a CCC candidate): a dark and a bright one, the
+//! bright within the dark, centroids together, size, area ratio; and an outline that is the expected ellipse.
 
 use core::f64::consts::PI;
 
@@ -10,11 +10,12 @@ use crate::{Refusal, Search, Settings, length};
 
 pub(crate) mod disc;
 
-/// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels has
-/// 0.99 or more from 12 px on, one with a tenth of its diameter cut off 0.985 and a smaller ring with it.
+/// Least ratio of an outline's area to that of the ellipse with its second moments. A whole ellipse of pixels
+/// has 0.99 or more from 12 px on, one with a tenth of its diameter cut off 0.985 and a smaller ring with it.
 const MIN_ELLIPTICITY: f64 = 0.975;
 
-/// Largest relative difference of the outline's second moments, brought to equal area, from the predicted ones.
+/// Largest relative difference of the outline's second moments, brought to equal area, from the predicted
+/// ones.
 const SHAPE_TOLERANCE: f64 = 0.25;
 
 /// Largest stretch of a cut ring's visible part over the predicted one.
@@ -54,8 +55,8 @@ pub(crate) struct Miss {
     pub(crate) cut_at: Option<[f64; 2]>,
 }
 
-/// The candidate nearest to the predicted centre, or why there is none. All is in samples of the window, the largest
-/// distance between centroids as well.
+/// The candidate nearest to the predicted centre, or why there is none. All is in samples of the window, the
+/// largest distance between centroids as well.
 pub(crate) fn find(
     components: &mut Components,
     bits: &Bits,
@@ -146,7 +147,8 @@ impl Expected<'_> {
     }
 }
 
-/// Whether a region of `area` with these second moments is an ellipse, and the predicted one but for its size.
+/// Whether a region of `area` with these second moments is an ellipse, and the predicted one but for its
+/// size.
 fn is_ellipse(shape: [f64; 3], area: f64, predicted: &[f64; 3]) -> bool {
     let determinant = |m: &[f64; 3]| m[0] * m[2] - m[1] * m[1];
     let (own, other) = (determinant(&shape), determinant(predicted));
@@ -154,8 +156,8 @@ fn is_ellipse(shape: [f64; 3], area: f64, predicted: &[f64; 3]) -> bool {
     if !(own > 0.0 && other > 0.0) {
         return false;
     }
-    // The area of an ellipse is 4 pi sqrt(det M); of all regions with these moments it has the largest. Pixels count
-    // with their centres, so small ellipses scatter about 1.
+    // The area of an ellipse is 4 pi sqrt(det M); of all regions with these moments it has the largest.
+    // Pixels count with their centres, so small ellipses scatter about 1.
     let ellipticity = area / (4.0 * PI * libm::sqrt(own));
     let scale = libm::sqrt(other / own);
     let mean = 0.5 * (predicted[0] + predicted[2]);

@@ -1,9 +1,9 @@
 //! The sub-pixel centre: a model ring with blurred edges fitted to the grey levels.
 //!
-//! Gauss-Newton on the squared residuals, as the Cramer-Rao bound asks for it: a pixel counts by how much it changes
-//! when the ring moves. The radial profile of some rows settles levels, radii, blur and the white's slope, and
-//! roughly the centre; all pixels near the edges then give centre and slope of the light together. Levels, radii
-//! and blur are even about the centre and do not move it, so they need not be known as well.
+//! Gauss-Newton on the squared residuals, as the Cramer-Rao bound asks for it: a pixel counts by how much it
+//! changes when the ring moves. The radial profile of some rows settles levels, radii, blur and the white's
+//! slope, and roughly the centre; all pixels near the edges then give centre and slope of the light together.
+//! Levels, radii and blur are even about the centre and do not move it, so they need not be known as well.
 
 mod disc;
 
@@ -21,29 +21,30 @@ use crate::{Refusal, Ring, Search, Settings, length};
 
 pub(crate) use disc::measure as measure_disc;
 
-/// White that is looked at around a ring, px: the layout of an A3 7-CCC at 5 m leaves 4. Less is taken where less is
-/// white.
+/// White that is looked at around a ring, px: the layout of an A3 7-CCC at 5 m leaves 4. Less is taken where
+/// less is white.
 const MARGIN: f64 = 4.0;
 
 /// White to which the profile is fitted, px: dark beyond the margin is blurred less far in.
 const FITTED: f64 = 2.5;
 
-/// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer white. Of
-/// a ring larger than this radius, px, less is borne with: perspective moves the white's border with its square, and
-/// what leaks in on one side only moves the centre.
+/// A bin of the profile that is darker than it should be by more than this share of the contrast is no longer
+/// white. Of a ring larger than this radius, px, less is borne with: perspective moves the white's border
+/// with its square, and what leaks in on one side only moves the centre.
 const NO_LONGER_WHITE: f64 = 0.02;
 const LEAKS_FROM_PX: f64 = 12.0;
 
-/// Rows through a ring that make its profile; of a small ring it is every third one. What clipped white leaves of the
-/// edges needs all of them.
+/// Rows through a ring that make its profile; of a small ring it is every third one. What clipped white
+/// leaves of the edges needs all of them.
 const PROFILE_ROWS: f64 = 8.0;
 const LEAST_EVERY: usize = 3;
 const CLIPPED_EVERY: usize = 1;
 
-/// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's limit.
+/// White this near to full scale, as a share of it, is clipped: its level is not known but by the sensor's
+/// limit.
 const CLIPPED: f64 = 0.01;
-/// Of a ring under clipped white, what is brighter than this short of full scale is left out; and where its white is
-/// looked for from, share of full scale.
+/// Of a ring under clipped white, what is brighter than this short of full scale is left out; and where its
+/// white is looked for from, share of full scale.
 const NEARLY_CLIPPED: f64 = 0.03;
 const CLIPPED_WHITE: f64 = 1.6;
 /// Black above this share of full scale under saturated white: too little of the edges is left.
@@ -52,41 +53,45 @@ const MAX_BLACK: f64 = 0.5;
 /// Blur of a sharp lens, px, as a start.
 const FIRST_BLUR: f64 = 0.7;
 
-/// Share of an edge's half width that is taken: beyond it a pixel carries less than a twenty-fifth of the steepest one's
-/// information.
+/// Share of an edge's half width that is taken: beyond it a pixel carries less than a twenty-fifth of the
+/// steepest one's information.
 const BELT: f64 = 0.65;
 /// What is taken beside that, px: so far the centre may still move.
 const SLACK_PX: f64 = 0.1;
-/// Where the middle between both edges is nearer to them than this share of the half width, pixels are compared with
-/// both: beyond it, those that see the other edge too carry less than a twenty-fifth of the steepest one's information.
+/// Where the middle between both edges is nearer to them than this share of the half width, pixels are
+/// compared with both: beyond it, those that see the other edge too carry less than a twenty-fifth of the
+/// steepest one's information.
 const OVERLAP: f64 = 0.65;
 
-/// A step of the centre below this, px, and below so many standard deviations, is the last: what the profile's errors
-/// leave of it is a twentieth, of small rings with much blur a fifth.
+/// A step of the centre below this, px, and below so many standard deviations, is the last: what the
+/// profile's errors leave of it is a twentieth, of small rings with much blur a fifth.
 const SMALL_STEP_PX: f64 = 0.05;
 const SMALL_STEP_SIGMAS: f64 = 5.0;
 
-/// Edges whose half width is more than this share of the ring's radius hide that dark leaks in from beyond the white.
+/// Edges whose half width is more than this share of the ring's radius hide that dark leaks in from beyond
+/// the white.
 const LEAKY: f64 = 0.4;
-/// Where dark leaks in, belts about a centre that moved by more than this, px, are taken anew: more of it on one side
-/// moves the centre.
+/// Where dark leaks in, belts about a centre that moved by more than this, px, are taken anew: more of it on
+/// one side moves the centre.
 const STALE_PX: f64 = 0.01;
 
 /// Most passes over all rows, and largest step of the last one, px: beyond it they did not converge.
 const PASSES: usize = 3;
 const LAST_STEP_PX: f64 = 0.1;
 
-/// Bounds of a whole ring on what [`Fit`] holds, beyond what noise makes likely: coding artefacts and motion within the
-/// exposure take up to 0.22 px, 0.12 px and 0.1, a hidden piece of edge that moves the centre by 0.2 px takes more.
+/// Bounds of a whole ring on what [`Fit`] holds, beyond what noise makes likely: coding artefacts and motion
+/// within the exposure take up to 0.22 px, 0.12 px and 0.1, a hidden piece of edge that moves the centre by
+/// 0.2 px takes more.
 const MAX_APART_PX: f64 = 0.22;
 const MAX_THIRD_PX: f64 = 0.12;
 const MAX_RESIDUAL: f64 = 0.16;
 
-/// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part looks so.
+/// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part
+/// looks so.
 const MAX_TILT: f64 = 0.06;
 
-/// Share of the squared residuals that is noise at the least, however much of them radii seem to explain: what is left
-/// of clipped edges is explained by nearly any.
+/// Share of the squared residuals that is noise at the least, however much of them radii seem to explain:
+/// what is left of clipped edges is explained by nearly any.
 const LEAST_LEFT: f64 = 0.25;
 
 /// Standard deviations of noise that are let pass.
@@ -313,8 +318,8 @@ struct Fit {
 }
 
 impl Fit {
-    /// Refuses what is not one whole ring: something that hides a part of an edge bends it there, and the outer edge
-    /// more than the inner one.
+    /// Refuses what is not one whole ring: something that hides a part of an edge bends it there, and the
+    /// outer edge more than the inner one.
     fn check(&self, contrast: f64) -> Result<(), Refusal> {
         let sigma = libm::sqrt(self.square);
         let step = length(self.step[0], self.step[1]);
@@ -349,8 +354,8 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     if square < 1.0 {
         return Err(Refusal::Outline);
     }
-    // An edge that moves outwards makes the outer edge's pixels darker, the inner one's brighter. In the circle's plane
-    // both directions are alike: half the squares for each.
+    // An edge that moves outwards makes the outer edge's pixels darker, the inner one's brighter. In the
+    // circle's plane both directions are alike: half the squares for each.
     let radial = &model.radial;
     let per_px = radial.peak();
     let scale = 2.0 / (square * per_px);
@@ -376,10 +381,11 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     // A disc has no inner edge, and its share is none.
     let other = (1.0 - share).max(f64::MIN_POSITIVE);
     let inner_at = model.out_of_circle(inner.side.map(|side| side * scale / other));
-    // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black. The
-    // fit follows the noise of two in as many pixels as carry the information.
+    // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to
+    // black. The fit follows the noise of two in as many pixels as carry the information.
     let carrying = radial.edges_px() * radial.half_width() * (SQUARE * SQUARE / FOURTH);
-    // The step takes a part of the residuals away; what is even about the centre is the radii's error and no noise.
+    // The step takes a part of the residuals away; what is even about the centre is the radii's error and no
+    // noise.
     let even = outer.even * outer.even / share + inner.even * inner.even / other;
     let taken = 0.5 * moved + even / (square * square);
     let (all, taken) = (noise / square, taken * (FOURTH / SQUARE));

@@ -16,8 +16,8 @@ const TO_BITS: f32 = 8_388_608.0;
 pub(crate) struct Chords {
     /// Centre, px.
     centre: [f32; 2],
-    /// q0 x^2 + 2 q1 x y + q2 y^2 = radius^2 with q the inverse of the shape: q0 times the radii's squares, 1 / q0, and
-    /// q1 / q0.
+    /// q0 x^2 + 2 q1 x y + q2 y^2 = radius^2 with q the inverse of the shape: q0 times the radii's squares, 1
+    /// / q0, and q1 / q0.
     squares: [f32; 2],
     per_q0: f32,
     lean: f32,
@@ -25,8 +25,8 @@ pub(crate) struct Chords {
     width: f32,
 }
 
-/// The pixels of a block of rows: columns from the first up to the second number, that one excluded, and from the third
-/// up to the fourth.
+/// The pixels of a block of rows: columns from the first up to the second number, that one excluded, and from
+/// the third up to the fourth.
 pub(crate) struct Spans([[u32; ROWS]; 4]);
 
 impl Spans {
@@ -41,7 +41,8 @@ impl Spans {
 }
 
 impl Chords {
-    /// Of ellipses of this shape (of determinant 1) about `centre`, in a part of the picture of this width, px.
+    /// Of ellipses of this shape (of determinant 1) about `centre`, in a part of the picture of this width,
+    /// px.
     pub(crate) fn new(centre: [f64; 2], shape: [f64; 3], belt: &Belt, width: usize) -> Self {
         let q0 = shape[2];
         Self {
@@ -53,15 +54,16 @@ impl Chords {
         }
     }
 
-    /// The rows of a part of the picture that the belt reaches: from the first up to the second, that one excluded.
+    /// The rows of a part of the picture that the belt reaches: from the first up to the second, that one
+    /// excluded.
     pub(crate) fn rows(&self, height: usize) -> (usize, usize) {
         let reach = self.squares[1] * inverse_sqrt(self.squares[1]);
         let row = |y: f32| rounded(if y > 0.0 { y } else { 0.0 }) as usize;
         (row(self.centre[1] - reach + 0.5), row(self.centre[1] + reach + 0.5).min(height))
     }
 
-    /// The pixels of rows `first`, `first + every` and so on. Not inlined: so the compiler makes one loop over whole
-    /// vectors of it.
+    /// The pixels of rows `first`, `first + every` and so on. Not inlined: so the compiler makes one loop
+    /// over whole vectors of it.
     #[inline(never)]
     pub(crate) fn cross(&self, first: usize, every: usize, spans: &mut Spans) {
         let (first, every) = (first as i32 as f32 - self.centre[1], every as i32 as f32);
@@ -90,7 +92,8 @@ impl Chords {
     }
 }
 
-/// The nearest whole number to one of 0 to 2^23, in fewer instructions than `as` takes, which minds all others.
+/// The nearest whole number to one of 0 to 2^23, in fewer instructions than `as` takes, which minds all
+/// others.
 #[inline(always)]
 fn rounded(x: f32) -> u32 {
     (x + TO_BITS).to_bits() & ((1 << 23) - 1)

@@ -1,8 +1,9 @@
-//! Connected components of the binary window (thesis 3.2.5): dark 8-connected, bright 4-connected, with area, centroid
-//! and second moments of each.
+//! Connected components of the binary window (thesis 3.2.5): dark 8-connected, bright 4-connected, with area,
+//! centroid and second moments of each.
 //!
-//! A ring is a dark component about a bright one that does not touch the window's edge: a hole. So the outside is
-//! flooded first, a row of bits at a time; what it leaves are the holes, and the dark around each is flooded in turn.
+//! A ring is a dark component about a bright one that does not touch the window's edge: a hole. So the
+//! outside is flooded first, a row of bits at a time; what it leaves are the holes, and the dark around each
+//! is flooded in turn.
 
 use core::ops::Range;
 
@@ -181,8 +182,8 @@ impl Components {
         Err(Clutter)
     }
 
-    /// The hole that has this pixel, or that is in the middle of the dark component that has it, and the hole together with
-    /// the dark component around it; `None` where what is there is none or reaches the edge.
+    /// The hole that has this pixel, or that is in the middle of the dark component that has it, and the hole
+    /// together with the dark component around it; `None` where what is there is none or reaches the edge.
     pub(crate) fn ring_at(&mut self, bits: &Bits, at: [f64; 2]) -> Option<(Part, Part)> {
         (self.width, self.height) = (bits.width(), bits.height());
         // What is outside the window is outside its rows too.
@@ -214,8 +215,8 @@ impl Components {
         Some((hole, filled))
     }
 
-    /// The hole that was flooded last, which lies in these rows and has this first pixel, together with the dark component
-    /// around it.
+    /// The hole that was flooded last, which lies in these rows and has this first pixel, together with the
+    /// dark component around it.
     fn filled<const N: usize>(
         &mut self,
         bits: &Bits,
@@ -230,7 +231,8 @@ impl Components {
         Ok(Some(part::<N>(&self.ring, &rows)))
     }
 
-    /// The next hole of at least `least` pixels, from the top, and it together with the dark component around it.
+    /// The next hole of at least `least` pixels, from the top, and it together with the dark component around
+    /// it.
     pub(crate) fn next_ring(&mut self, bits: &Bits, least: f64) -> Result<Option<(Part, Part)>, Clutter> {
         match self.words() {
             1 => self.next_ring_in::<1>(bits, least),
@@ -337,8 +339,8 @@ impl<'a, const N: usize> Mask<'a, N> {
     }
 }
 
-/// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies. Other rows of
-/// `region` mean nothing.
+/// Floods the component of `mask` that has this pixel into `region`, and says in which rows it lies. Other
+/// rows of `region` mean nothing.
 fn flood<const N: usize>(
     mask: &Mask<N>,
     region: &mut [Row; MAX_SIDE],
@@ -351,7 +353,8 @@ fn flood<const N: usize>(
     let (Some(first), Some(own)) = (region.get_mut(y), mask.row(y)) else { return Err(Clutter) };
     put(first, &fill(&seed, &own));
     for sweep in 0..MAX_SWEEPS {
-        // Down through the rows that have some of it and beyond, then up, until a way leaves nothing to the other.
+        // Down through the rows that have some of it and beyond, then up, until a way leaves nothing to the
+        // other.
         let mut front = Front::new(reach);
         let mut row = from;
         while let (Some(into), Some(own)) = (region.get_mut(row), mask.row(row)) {
@@ -406,8 +409,8 @@ impl<const N: usize> Front<N> {
         Self { reach, flooded: [0; N], dry: [0; N], is_wanted_back: false }
     }
 
-    /// Goes on to a row with what is flooded of it already, and grows that by what it shares with the row before. Says
-    /// whether it grew.
+    /// Goes on to a row with what is flooded of it already, and grows that by what it shares with the row
+    /// before. Says whether it grew.
     #[inline(always)]
     fn grow(&mut self, row: &mut Row, mask: &[u64; N]) -> bool {
         let present: [u64; N] = words(row);
@@ -450,7 +453,8 @@ impl Reach {
 /// All runs of `mask` that have a pixel of `seed`, which lies within it.
 #[inline(always)]
 fn fill<const N: usize>(seed: &[u64; N], mask: &[u64; N]) -> [u64; N] {
-    // Adding a seed to its run carries through to the run's end, and leaves nothing set from the seed on but seeds.
+    // Adding a seed to its run carries through to the run's end, and leaves nothing set from the seed on but
+    // seeds.
     let mut filled = [0; N];
     let mut carry = false;
     for i in 0..N {

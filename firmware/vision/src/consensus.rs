@@ -1,5 +1,5 @@
-//! What the rings of a target say about one another (thesis 3.2.5): where a lost one must be, and which found one is
-//! somebody else's.
+//! What the rings of a target say about one another (thesis 3.2.5): where a lost one must be, and which found
+//! one is somebody else's.
 
 use gangway_pose::MAX_CIRCLES;
 
@@ -14,8 +14,8 @@ const QUORUM: usize = 3;
 /// A claim on a ring stands against another one if its prediction was this many times nearer.
 const CLEARLY: f64 = 2.0;
 
-/// How far the rings of `target` lie from their predictions, px: the median of those found; else of their cut pieces
-/// at `cuts`; else of all targets' rings; else zero.
+/// How far the rings of `target` lie from their predictions, px: the median of those found; else of their cut
+/// pieces at `cuts`; else of all targets' rings; else zero.
 pub(crate) fn shift(
     searches: &[Search],
     rings: &[Result<Ring, Refusal>],
@@ -29,8 +29,8 @@ pub(crate) fn shift(
     own.or_else(|| median(found(searches, rings, None), 1)).unwrap_or_default()
 }
 
-/// The shift by which found rings are judged: as [`shift`], but where less than three rings could vote a wrong one
-/// could be the median, so it is that of all targets, if any.
+/// The shift by which found rings are judged: as [`shift`], but where less than three rings could vote a
+/// wrong one could be the median, so it is that of all targets, if any.
 pub(crate) fn trusted_shift(
     searches: &[Search],
     rings: &[Result<Ring, Refusal>],

@@ -1,5 +1,5 @@
-//! Windows of the last frame without lamps, to be taken off the next one with them: what is left is the lamps' own light,
-//! without sun and reflections.
+//! Windows of the last frame without lamps, to be taken off the next one with them: what is left is the
+//! lamps' own light, without sun and reflections.
 
 use gangway_device::{Frame, Layout};
 use gangway_pose::MAX_CIRCLES;
@@ -72,9 +72,9 @@ impl Dark {
         let _ = self.kept.push(Kept { at, rect, start });
     }
 
-    /// This frame's window less the dark one that was kept there, as a frame of its own, and where its corner is in the
-    /// picture. The dark one is moved as the prediction was, and `further`. `None` where none was kept, or the window has
-    /// moved by more than a pixel.
+    /// This frame's window less the dark one that was kept there, as a frame of its own, and where its corner
+    /// is in the picture. The dark one is moved as the prediction was, and `further`. `None` where none was
+    /// kept, or the window has moved by more than a pixel.
     pub(crate) fn take_off(
         &mut self,
         frame: &Frame,

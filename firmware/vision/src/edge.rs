@@ -1,18 +1,21 @@
-//! The blurred edge that ring and profile are made of: the step seen through a lens and through pixels, which are
-//! nearly Gaussian together. Both its parts are polynomials that end.
+//! The blurred edge that ring and profile are made of: the step seen through a lens and through pixels, which
+//! are nearly Gaussian together. Both its parts are polynomials that end.
 
-/// Half width of an edge in standard deviations of its blur. Chosen with [`edge`]'s coefficients for the least distance
-/// from a Gaussian with a little of a square pixel in it (excess kurtosis -0.1): 0.001 of the step, root mean square.
+/// Half width of an edge in standard deviations of its blur. Chosen with [`edge`]'s coefficients for the
+/// least distance from a Gaussian with a little of a square pixel in it (excess kurtosis -0.1): 0.001 of the
+/// step, root mean square.
 pub(crate) const HALF_WIDTH: f64 = 2.7;
 
-/// Steepness of an edge over [`edge`]'s weight, for an edge of height 1 and half width 1: the least squares factor.
+/// Steepness of an edge over [`edge`]'s weight, for an edge of height 1 and half width 1: the least squares
+/// factor.
 pub(crate) const PEAK: f64 = 1.0518;
 
 /// Integrals of (1 - z^2)^6 and (1 - z^2)^12 over -1..1: of the squared weight and of its fourth power.
 pub(crate) const SQUARE: f64 = 2048.0 / 3003.0;
 pub(crate) const FOURTH: f64 = 8_388_608.0 / 16_900_975.0;
 
-/// How much a pixel at `z` half widths from an edge counts (1 at most), and the edge's height there, from -1/2 to 1/2.
+/// How much a pixel at `z` half widths from an edge counts (1 at most), and the edge's height there, from
+/// -1/2 to 1/2.
 ///
 /// The weight is (1 - z^2)^3: as good as the edge's own steepness to three thousandths of the information.
 #[inline(always)]

@@ -81,8 +81,8 @@ impl AddAssign for Lanes {
 /// 1 / sqrt(x) to 2e-5 of itself, finite for every x >= 0.
 #[inline(always)]
 pub(crate) fn inverse_sqrt(x: f32) -> f32 {
-    // The bits of a float are nearly its logarithm: halve and negate it, then one step of third order. The constants make
-    // the largest error least: it moves a pixel at the largest radius by a thousandth.
+    // The bits of a float are nearly its logarithm: halve and negate it, then one step of third order. The
+    // constants make the largest error least: it moves a pixel at the largest radius by a thousandth.
     let y = f32::from_bits(0x5f20_0000_u32.wrapping_sub(x.to_bits() >> 1));
     let off = x * y * y;
     y * (2.102_354_5 - off * (1.760_927_4 - 0.663_152_4 * off))

@@ -1,5 +1,5 @@
-//! The slope of the light over a target. Every ring tells it for itself; the rings of a target together tell it better
-//! as far as they agree (the positive-part estimator of James and Stein), and their centres follow.
+//! The slope of the light over a target. Every ring tells it for itself; the rings of a target together tell
+//! it better as far as they agree (the positive-part estimator of James and Stein), and their centres follow.
 
 use gangway_pose::MAX_CIRCLES;
 
@@ -12,7 +12,8 @@ pub(crate) struct Light {
     pub(crate) slope: [f64; 2],
     /// Its variance in either direction.
     pub(crate) variance: f64,
-    /// The matrix (uu, uv, vv) by which the centre follows a slope that was thought too small by 1 (share a px), px.
+    /// The matrix (uu, uv, vv) by which the centre follows a slope that was thought too small by 1 (share a
+    /// px), px.
     pub(crate) pull: [f64; 3],
     /// What the slope's variance adds to the centre's covariance, px^2.
     pub(crate) by_slope: [f64; 3],

@@ -16,8 +16,8 @@ pub(crate) struct Rect {
 }
 
 impl Rect {
-    /// The part of the picture from `low` up to `high` (both included, px); `None` where that is empty, larger
-    /// than `MAX_SIDE` or not a number.
+    /// The part of the picture from `low` up to `high` (both included, px); `None` where that is empty,
+    /// larger than `MAX_SIDE` or not a number.
     pub(crate) fn clipped(frame: &Frame, low: [f64; 2], high: [f64; 2]) -> Option<Self> {
         let (x, width) = clip(low[0], high[0], frame.width())?;
         let (y, height) = clip(low[1], high[1], frame.height())?;
@@ -82,8 +82,8 @@ impl Plane {
         Self { rows: [[0; MAX_SIDE]; MAX_SIDE] }
     }
 
-    /// The top 8 bits of every `every`th sample of `rect`, either way: where they are in the frame if they lie there as
-    /// bytes, or taken from there.
+    /// The top 8 bits of every `every`th sample of `rect`, either way: where they are in the frame if they
+    /// lie there as bytes, or taken from there.
     pub(crate) fn load<'a>(&'a mut self, frame: &Frame<'a>, rect: Rect, every: usize) -> View<'a> {
         let every = every.max(1);
         let [width, height] = [rect.width, rect.height].map(|side| side.div_ceil(every).min(MAX_SIDE));
@@ -146,7 +146,8 @@ fn top_bits(frame: &Frame, (x, y): (u16, u16), every: usize, into: &mut [u8]) {
     }
 }
 
-/// Takes every second of some bytes, `width` of them and what is left of whole chunks; whether there are as many.
+/// Takes every second of some bytes, `width` of them and what is left of whole chunks; whether there are as
+/// many.
 #[inline(always)]
 fn thin(bytes: &[u8], width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
     let size = width.next_multiple_of(CHUNK);
@@ -156,7 +157,8 @@ fn thin(bytes: &[u8], width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
     true
 }
 
-/// Takes the first of each two bytes. Not inlined, and as the low half of a word: so the compiler packs whole vectors.
+/// Takes the first of each two bytes. Not inlined, and as the low half of a word: so the compiler packs whole
+/// vectors.
 #[inline(never)]
 fn halve(bytes: &[u8; 2 * CHUNK], into: &mut [u8; CHUNK]) {
     for (to, pair) in into.iter_mut().zip(bytes.as_chunks::<2>().0) {
@@ -196,15 +198,15 @@ impl<'a> Rows<'a> {
         Self { frame, rect, bytes: bytes.unwrap_or_default(), stride: frame.stride() }
     }
 
-    /// The samples of rows `y`, `y + every` and so on and what follows them, where bytes are samples and a line of them is
-    /// left.
+    /// The samples of rows `y`, `y + every` and so on and what follows them, where bytes are samples and a
+    /// line of them is left.
     #[inline(always)]
     pub(crate) fn lines(&self, y: usize, every: usize) -> impl Iterator<Item = &'a Line> {
         rows(self.bytes.get(y * self.stride..).unwrap_or_default(), every * self.stride)
     }
 
-    /// Takes `count` samples, at most a chunk, of row `y` from column `x` of the part on. What is in `into` beyond them
-    /// means nothing.
+    /// Takes `count` samples, at most a chunk, of row `y` from column `x` of the part on. What is in `into`
+    /// beyond them means nothing.
     #[inline(never)]
     pub(crate) fn load(&self, y: usize, x: usize, count: usize, into: &mut [u16; CHUNK]) {
         let at = (self.rect.x + x as u16, self.rect.y + y as u16);
@@ -328,7 +330,8 @@ fn samples<'a>(frame: &Frame<'a>, x: u16, y: u16, count: usize) -> Samples<'a> {
 mod tests {
     use super::*;
 
-    /// Two groups of MIPI CSI-2's RAW10, written out by hand: samples 0x3ff, 0, 0x155, 0x2aa and 1, 2, 3, 0x200.
+    /// Two groups of MIPI CSI-2's RAW10, written out by hand: samples 0x3ff, 0, 0x155, 0x2aa and 1, 2, 3,
+    /// 0x200.
     const TEN: [u8; 10] = [0xff, 0x00, 0x55, 0xaa, 0b10_01_00_11, 0x00, 0x00, 0x00, 0x80, 0b00_11_10_01];
     /// Two groups of RAW12: samples 0xabc, 0x123 and 0xfff, 0x00f.
     const TWELVE: [u8; 6] = [0xab, 0x12, 0x3c, 0xff, 0x00, 0xff];

@@ -1,4 +1,5 @@
-//! The model ring: an elliptic ring with blurred edges on white that may slope, and what its pixels say of its centre.
+//! The model ring: an elliptic ring with blurred edges on white that may slope, and what its pixels say of
+//! its centre.
 
 use crate::edge::edge;
 use crate::lanes::{BLOCK, Column, Lanes, RUNS, inverse_sqrt};
@@ -6,8 +7,9 @@ use crate::length;
 use crate::patch::{Part, Patch};
 use crate::profile::{Places, Profile, Radial};
 
-/// Weight of a pixel without light, and how much less it is of white: half way between what photons' noise asks for and what
-/// noise that is everywhere the same does. Either costs 2 % of the standard deviation at the most.
+/// Weight of a pixel without light, and how much less it is of white: half way between what photons' noise
+/// asks for and what noise that is everywhere the same does. Either costs 2 % of the standard deviation at
+/// the most.
 const WEIGHT: [f32; 2] = [1.6, 1.0];
 
 /// What the model ring looks like.
@@ -19,15 +21,16 @@ pub(crate) struct Model {
     pub(crate) radial: Radial,
     /// Slope of the white in the circle's plane, a px.
     pub(crate) slope: [f64; 2],
-    /// How far perspective moves the outer edge from the circle's centre, in the circle's plane, px, and the inner edge's
-    /// share of that: it grows with the radius squared (thesis 3.2.4). Slope and centre could not be told apart without
-    /// it.
+    /// How far perspective moves the outer edge from the circle's centre, in the circle's plane, px, and the
+    /// inner edge's share of that: it grows with the radius squared (thesis 3.2.4). Slope and centre could
+    /// not be told apart without it.
     pub(crate) bias: [f64; 2],
     pub(crate) inner_bias: f64,
 }
 
 impl Model {
-    /// Square root of the inverse of `shape`: takes the outer ellipse to a circle of its own area, the circle's plane.
+    /// Square root of the inverse of `shape`: takes the outer ellipse to a circle of its own area, the
+    /// circle's plane.
     fn root(&self) -> [f64; 3] {
         // Cayley-Hamilton, for a determinant of 1.
         let [uu, uv, vv] = self.shape;
@@ -107,7 +110,8 @@ struct Edge {
     rise: f32,
 }
 
-/// A model ring made ready for the pixels of a patch: single numbers that loops over a block take as they are.
+/// A model ring made ready for the pixels of a patch: single numbers that loops over a block take as they
+/// are.
 pub(crate) struct Kernel {
     /// The profile's centre from the patch's corner.
     middle: [f32; 2],
@@ -123,13 +127,14 @@ pub(crate) struct Kernel {
     depth: f32,
     /// Where the model is above this the sensor is saturated; infinite where that is nowhere.
     saturated: f32,
-    /// 1 / half width of an edge, 1/px, by its direction (x, y): [0] + y ([1] x + [2] y). The picture's blur is round, but
-    /// in the circle's plane it is not.
+    /// 1 / half width of an edge, 1/px, by its direction (x, y): [0] + y ([1] x + [2] y). The picture's blur
+    /// is round, but in the circle's plane it is not.
     per_width: [f32; 3],
 }
 
-/// Sums over the pixels of an edge's belt, with its steepness s, residual r, direction (x, y) and light w, which is what the
-/// white adds with its slope: s r x, s r y, s r, s s, s r s r, s r x y y, s r y y y, w r x, w r y, s w, w w.
+/// Sums over the pixels of an edge's belt, with its steepness s, residual r, direction (x, y) and light w,
+/// which is what the white adds with its slope: s r x, s r y, s r, s s, s r s r, s r x y y, s r y y y, w r x,
+/// w r y, s w, w w.
 const SUMS: usize = 11;
 
 /// What a belt says of its edge and of the slope.
@@ -153,8 +158,8 @@ impl Kernel {
     /// For a patch from `origin`; what the model makes brighter than `saturated` says nothing.
     pub(crate) fn new(model: &Model, origin: [f64; 2], saturated: f64, overlap: bool) -> Self {
         let radial = &model.radial;
-        // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the inverse of
-        // the shape; 1 / sqrt(g) is 3/2 - g/2 about 1. The squares of a direction sum to 1.
+        // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the
+        // inverse of the shape; 1 / sqrt(g) is 3/2 - g/2 about 1. The squares of a direction sum to 1.
         let [uu, uv, vv] = model.shape;
         let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
         let depth = (radial.contrast / radial.white) as f32;
@@ -180,8 +185,8 @@ impl Kernel {
         }
     }
 
-    /// Where pixels are, about a centre. Not inlined, as [`Self::compare`]: so the compiler makes one loop over whole vectors of it; and
-    /// two loops, so that a processor has several turns of either under way.
+    /// Where pixels are, about a centre. Not inlined, as [`Self::compare`]: so the compiler makes one loop
+    /// over whole vectors of it; and two loops, so that a processor has several turns of either under way.
     #[inline(never)]
     fn place(&self, centre: [f32; 2], columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
         for i in 0..BLOCK {
@@ -339,8 +344,8 @@ mod tests {
             });
             let inside = radii.filter(|radius| *radius < outer + 4.0);
             let most: f64 = inside.map(|radius| radius * radius).sum();
-            // White weighs 0.6 and the ring's black takes three quarters of its share away; a single pixel of filling
-            // would add 60,000.
+            // White weighs 0.6 and the ring's black takes three quarters of its share away; a single pixel of
+            // filling would add 60,000.
             let slope_square = sums.slope_square;
             assert_eq!(none.slope_square, 0.0);
             assert!((0.3 * most..0.6 * most).contains(&slope_square), "{outer}: {slope_square} of {most}");

@@ -80,8 +80,8 @@ impl Patch {
         (self.rect, self.count) = (rect, 0);
     }
 
-    /// Takes every `every`th row, as far as it lies in the belt about the ellipses of this shape (of determinant 1) and
-    /// `centre` (in the picture), to the nearest pixel.
+    /// Takes every `every`th row, as far as it lies in the belt about the ellipses of this shape (of
+    /// determinant 1) and `centre` (in the picture), to the nearest pixel.
     pub(crate) fn take(
         &mut self,
         frame: &Frame,
@@ -113,8 +113,8 @@ impl Patch {
         Part { block, count: self.count - block * BLOCK }
     }
 
-    /// Takes the pixels of `count` rows as long as a line of samples lies there ready, and says of how many. Not inlined: so
-    /// the compiler keeps all that the loop needs in registers.
+    /// Takes the pixels of `count` rows as long as a line of samples lies there ready, and says of how many.
+    /// Not inlined: so the compiler keeps all that the loop needs in registers.
     #[inline(never)]
     fn take_lines(
         &mut self,

@@ -1,8 +1,8 @@
-//! The ring's radial profile: what pixels of one radius have in common tells its levels, radii and blur, and how they
-//! differ from one side to the other its centre and the light's slope, roughly.
+//! The ring's radial profile: what pixels of one radius have in common tells its levels, radii and blur, and
+//! how they differ from one side to the other its centre and the light's slope, roughly.
 //!
-//! Pixels are sorted by radius, half a pixel a cell, and by quadrant of their direction; a cell knows the mean radius
-//! and value of its own.
+//! Pixels are sorted by radius, half a pixel a cell, and by quadrant of their direction; a cell knows the
+//! mean radius and value of its own.
 
 mod disc;
 
@@ -26,36 +26,38 @@ const CELLS: usize = QUADRANTS * RINGS;
 /// Radii beyond this are taken for it, px: no ring in a window is as large.
 const FARTHEST_PX: f32 = 120.0;
 
-/// A cell counts its pixels in the upper 16 bits, sums the parts of their radii in the next 16 and their values in the
-/// lower 32. At the largest radius a ring has 400 pixels, so even four quadrants together do not overflow.
+/// A cell counts its pixels in the upper 16 bits, sums the parts of their radii in the next 16 and their
+/// values in the lower 32. At the largest radius a ring has 400 pixels, so even four quadrants together do
+/// not overflow.
 const UPPER: u32 = 32;
 const COUNT: u32 = 1 << 16;
 
 /// Adding this to a float of less leaves the rounded number in its last bits.
 const TO_BITS: f32 = 8_388_608.0;
 
-/// How far pixels of a cell are from its mean radius, px, as a standard deviation: where the brighter of them are clipped
-/// their mean says nothing.
+/// How far pixels of a cell are from its mean radius, px, as a standard deviation: where the brighter of them
+/// are clipped their mean says nothing.
 const REACH_PX: f32 = 0.15;
 
 /// Pixels of a ring whose mean is a level.
 const ENOUGH: f32 = 4.0;
 
-/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and the steps of the
-/// radii and of the half width, shares of the half width, below which one is the last: the next one's would be of their
-/// square. Under clipped white the level, radii and blur follow from what is left of the edges, and slowly.
+/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and
+/// the steps of the radii and of the half width, shares of the half width, below which one is the last: the
+/// next one's would be of their square. Under clipped white the level, radii and blur follow from what is
+/// left of the edges, and slowly.
 const WHOLE: (usize, f64, f64) = (5, 0.1, 0.2);
 const CLIPPED: (usize, f64, f64) = (24, 0.001, 0.001);
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
 
-/// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring can hardly
-/// be told apart, and need not be.
+/// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring
+/// can hardly be told apart, and need not be.
 const RIDGE: f64 = 1e-3;
 
-/// How well the inner radius is known from the outer one, px, by printing and by the edge's shape; and the noise of a pixel
-/// that this is weighed against, share of the white.
+/// How well the inner radius is known from the outer one, px, by printing and by the edge's shape; and the
+/// noise of a pixel that this is weighed against, share of the white.
 const RATIO_PX: f64 = 0.1;
 const USUAL_NOISE: f64 = 0.01;
 
@@ -86,7 +88,8 @@ impl Radial {
         self.inner < 0.0
     }
 
-    /// Whether levels and radii are those of a black ring on white or of a bright disc on dark. Not a number is neither.
+    /// Whether levels and radii are those of a black ring on white or of a bright disc on dark. Not a number
+    /// is neither.
     fn is_sound(&self) -> bool {
         if self.is_disc() {
             self.contrast < 0.0 && self.outer > 0.0
@@ -127,8 +130,8 @@ impl Radial {
 pub(crate) struct Lean {
     /// What is to be added to the centre, in the circle's plane, px.
     pub(crate) step: [f64; 2],
-    /// Slope of the white along x and y, a px, as the white around the ring tells it, and the information in it: one over
-    /// its variance for noise of variance 1.
+    /// Slope of the white along x and y, a px, as the white around the ring tells it, and the information in
+    /// it: one over its variance for noise of variance 1.
     pub(crate) white_slope: [f64; 2],
     pub(crate) white_information: f64,
 }
@@ -234,8 +237,9 @@ impl Profile {
         (least < most).then_some((f64::from(least), f64::from(most)))
     }
 
-    /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a start. The ratio of
-    /// the radii is expected to be that of the ring. `None` where the pixels do not determine a ring.
+    /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a
+    /// start. The ratio of the radii is expected to be that of the ring. `None` where the pixels do not
+    /// determine a ring.
     pub(crate) fn fit(&self, start: &Radial, ratio: f64, end: f64, saturated: f64) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
@@ -279,8 +283,8 @@ impl Profile {
         Some(radial)
     }
 
-    /// What the sides say of centre and slope, for a profile that is known. White counts from a radius on, px, and all
-    /// that is below a level of saturation.
+    /// What the sides say of centre and slope, for a profile that is known. White counts from a radius on,
+    /// px, and all that is below a level of saturation.
     pub(crate) fn lean(&self, radial: &Radial, white_from: f64, saturated: f64) -> Lean {
         let kernel = Kernel::new(radial);
         let mut sums = Sides { squares: [Lanes::ZERO; 3], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
@@ -305,9 +309,9 @@ impl Profile {
         }
     }
 
-    /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a post makes a
-    /// ring of cells darker than the profile by more than `share` of the contrast. What white there is before it, less
-    /// what blur darkens unseen, stays in the cells.
+    /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a
+    /// post makes a ring of cells darker than the profile by more than `share` of the contrast. What white
+    /// there is before it, less what blur darkens unseen, stays in the cells.
     pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) -> f64 {
         let kernel = Kernel::new(radial);
         let most = (share * radial.contrast) as f32;
@@ -337,15 +341,15 @@ fn unpacked(cell: u64) -> (f32, f32, f32) {
     ((upper / COUNT) as i32 as f32, (upper % COUNT) as i32 as f32, cell as u32 as i32 as f32)
 }
 
-/// Sums of both sides: the squares of steepness and slope (steepness, mixed, slope of the white alone), and for every
-/// quadrant residuals times steepness and times slope of the white alone.
+/// Sums of both sides: the squares of steepness and slope (steepness, mixed, slope of the white alone), and
+/// for every quadrant residuals times steepness and times slope of the white alone.
 struct Sides {
     squares: [Lanes; 3],
     quadrants: [[Lanes; 2]; QUADRANTS],
 }
 
-/// What a block of rings of cells has in common: the model's value at their beginning and its change with a part, its
-/// change as centre and slope change, and the latter in the white alone.
+/// What a block of rings of cells has in common: the model's value at their beginning and its change with a
+/// part, its change as centre and slope change, and the latter in the white alone.
 struct Rings {
     model: Column,
     by_part: Column,
@@ -402,7 +406,8 @@ fn sort(places: &Places, values: &[u16; BLOCK], cells: &mut [u32; BLOCK], more: 
 /// Sums over quadrants as the least squares' sides of x and of y.
 fn sides(sums: &[f64; QUADRANTS]) -> [f64; 2] {
     let [a, b, c, d] = *sums;
-    // Weighted as if every pixel had its quadrant's mean direction, whose square is less than that of single pixels.
+    // Weighted as if every pixel had its quadrant's mean direction, whose square is less than that of single
+    // pixels.
     [a - b + c - d, a + b - c - d].map(|sum| 0.5 / SIDE * sum)
 }
 
@@ -437,8 +442,8 @@ impl Kernel {
         (outer, inner, inner_sum - outer_sum)
     }
 
-    /// How much brighter a cell's pixels are than its mean where an edge is steepest. Of a clipped disc all is taken that
-    /// can be: it has little.
+    /// How much brighter a cell's pixels are than its mean where an edge is steepest. Of a clipped disc all
+    /// is taken that can be: it has little.
     fn reach(&self) -> f32 {
         REACH_PX * (self.contrast * PEAK as f32 * self.per_width).max(0.0)
     }
@@ -495,8 +500,8 @@ impl Kernel {
     }
 }
 
-/// Rows `FROM` up to `TO` of the normal equations, by the first `rings` of a block. Not inlined, with a copy of the sums: so
-/// the compiler keeps them in vectors.
+/// Rows `FROM` up to `TO` of the normal equations, by the first `rings` of a block. Not inlined, with a copy
+/// of the sums: so the compiler keeps them in vectors.
 #[inline(never)]
 fn add_products<const FROM: usize, const TO: usize, const N: usize>(
     terms: &Terms,
@@ -520,8 +525,8 @@ fn add_products<const FROM: usize, const TO: usize, const N: usize>(
     *sums = sum;
 }
 
-/// Adds what is known of the ring to the normal equations: the ratio of its radii. Where blur joins both edges, pixels tell
-/// a thin black ring from a thicker one that is less black by nothing else.
+/// Adds what is known of the ring to the normal equations: the ratio of its radii. Where blur joins both
+/// edges, pixels tell a thin black ring from a thicker one that is less black by nothing else.
 fn expect_ratio(sums: &mut [f64; EVEN_SUMS], radial: &Radial, ratio: f64) {
     let noise = USUAL_NOISE * radial.white;
     let weight = noise * noise / (RATIO_PX * RATIO_PX);

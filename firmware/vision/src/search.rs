@@ -12,8 +12,8 @@ const MOST_GROWTH: f64 = 1.5;
 pub struct Search {
     /// Predicted centre, px.
     pub at: [f64; 2],
-    /// Second central moments (uu, uv, vv) of the predicted filled outer disc, px^2. A disc of diameter `d` that
-    /// is seen from the front has (d^2/16, 0, d^2/16).
+    /// Second central moments (uu, uv, vv) of the predicted filled outer disc, px^2. A disc of diameter `d`
+    /// that is seen from the front has (d^2/16, 0, d^2/16).
     pub shape: [f64; 3],
     /// Outer to inner diameter, 1.3 to 4; infinite for a bright disc on dark, which has no inner edge.
     pub ratio: f64,
@@ -22,10 +22,11 @@ pub struct Search {
     pub reach_px: f64,
     /// Index of the target that the circle belongs to: rings of a target move together.
     pub target: u8,
-    /// Whether the prediction comes from a measured pose (true) or is a guess. Only confident searches vote on
-    /// how far their target has moved.
+    /// Whether the prediction comes from a measured pose (true) or is a guess. Only confident searches vote
+    /// on how far their target has moved.
     pub confident: bool,
-    /// How far from `at` the ring is to be expected, px: where that is more than the window has room for, it grows.
+    /// How far from `at` the ring is to be expected, px: where that is more than the window has room for, it
+    /// grows.
     pub uncertain_px: f64,
     /// Centroid of the projected outer disc minus projected centre, px (thesis 3.2.4), as far as the caller
     /// knows it from the pose; the answer is without it. Zero where unknown.
@@ -33,7 +34,8 @@ pub struct Search {
 }
 
 impl Search {
-    /// A search for a ring of `diameter_px` seen from the front, 2:1, without neighbours within two diameters.
+    /// A search for a ring of `diameter_px` seen from the front, 2:1, without neighbours within two
+    /// diameters.
     pub fn round(at: [f64; 2], diameter_px: f64) -> Self {
         let moment = diameter_px * diameter_px / 16.0;
         Self {
@@ -64,8 +66,8 @@ impl Search {
         4.0 * libm::sqrt(libm::sqrt((uu * vv - uv * uv).max(0.0)))
     }
 
-    /// Side of its window, px: so many diameters, and as many pixels more either way as the ring may be off beyond what
-    /// they have room for.
+    /// Side of its window, px: so many diameters, and as many pixels more either way as the ring may be off
+    /// beyond what they have room for.
     pub fn side_px(&self, diameters: f64) -> f64 {
         let diameter = self.diameter_px();
         let room = (0.5 * (diameters - 1.0) - WHITE) * diameter;

@@ -9,14 +9,15 @@ pub struct Settings {
     pub median: bool,
     /// Opening with a disk after the threshold; default true.
     pub opening: bool,
-    /// Least difference between the bright and the dark level, share of full scale; 0.01 to 0.5, default 0.03.
+    /// Least difference between the bright and the dark level, share of full scale; 0.01 to 0.5, default
+    /// 0.03.
     pub min_contrast: f64,
     /// Largest distance between the centroids of the dark and the bright component, px; 0.5 to 5, default 2.
     pub max_centroid_distance_px: f64,
     /// Allowed relative deviation of the ring's area from the expected one; 0.05 to 0.8, default 0.35.
     pub area_tolerance: f64,
-    /// How far filled:inner area may be above or below the square of outer:inner diameter, as a factor less one;
-    /// 0.05 to 2, default 1: motion within the exposure closes the inner disc.
+    /// How far filled:inner area may be above or below the square of outer:inner diameter, as a factor less
+    /// one; 0.05 to 2, default 1: motion within the exposure closes the inner disc.
     pub ratio_tolerance: f64,
 }
 

@@ -1,5 +1,5 @@
-//! P-tile thresholds (thesis 3.2.5, equation 3.2): between the two levels that the known ring share gives, half way
-//! first.
+//! P-tile thresholds (thesis 3.2.5, equation 3.2): between the two levels that the known ring share gives,
+//! half way first.
 
 use crate::loader::View;
 
@@ -7,24 +7,25 @@ use crate::loader::View;
 /// much of a window of 2 to 3 diameters, even where a post hides part of it.
 const BRIGHT_SHARE: f64 = 0.2;
 
-/// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples. Of a disc
-/// that is hardly more than a point none may be missed.
+/// Rows that are sampled at the least, where a window has as many: the levels are means over enough samples.
+/// Of a disc that is hardly more than a point none may be missed.
 const SAMPLED_ROWS: usize = 10;
 const SAMPLED_DISC_ROWS: usize = 24;
 
-/// Where between dark and bright a threshold lies first, and where else a small ring is looked for: blur fills its
-/// hole.
+/// Where between dark and bright a threshold lies first, and where else a small ring is looked for: blur
+/// fills its hole.
 pub(crate) const MIDDLE: f64 = 0.5;
 const ELSEWHERE: [f64; 3] = [MIDDLE, 0.35, 0.2];
 
 /// Rings up to this diameter are looked for elsewhere, px.
 const SMALL_PX: f64 = 16.0;
 
-/// White that is brighter than a window's bright level by this share of the contrast is a narrow margin on something
-/// darker.
+/// White that is brighter than a window's bright level by this share of the contrast is a narrow margin on
+/// something darker.
 const NARROW: f64 = 0.2;
 
-/// The levels of a window, 0 to 255: black, what a fifth of it exceeds, and what as much as the ring's hole exceeds.
+/// The levels of a window, 0 to 255: black, what a fifth of it exceeds, and what as much as the ring's hole
+/// exceeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Levels {
     pub(crate) dark: f64,
@@ -47,8 +48,8 @@ impl Levels {
         libm::ceil(self.dark + share * (self.bright - self.dark)).clamp(1.0, 255.0) as u8
     }
 
-    /// How to look for a ring of a diameter, px, one after the other until it is found. A contrast of less than
-    /// `least` shows none.
+    /// How to look for a ring of a diameter, px, one after the other until it is found. A contrast of less
+    /// than `least` shows none.
     pub(crate) fn cuts(&self, diameter_px: f64, least: f64) -> impl Iterator<Item = Cut> {
         let is_narrow = self.white - self.bright > NARROW * (self.white - self.dark);
         let is_small = diameter_px < SMALL_PX;
@@ -66,8 +67,9 @@ impl Levels {
 const BIN: u32 = 4;
 const BINS: usize = 64;
 
-/// Levels of a window of which `ring_share` is the ring's black and `hole_share` its hole: dark is the mean of the
-/// darkest such share, bright the level that a fifth of the samples exceed, white that which the hole's share does.
+/// Levels of a window of which `ring_share` is the ring's black and `hole_share` its hole: dark is the mean
+/// of the darkest such share, bright the level that a fifth of the samples exceed, white that which the
+/// hole's share does.
 pub(crate) fn levels(view: &View, ring_share: f64, hole_share: f64) -> Levels {
     let histogram = histogram(view, SAMPLED_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
@@ -105,8 +107,8 @@ pub(crate) fn levels(view: &View, ring_share: f64, hole_share: f64) -> Levels {
 /// Share of a window's samples that are darker than its dark level, where a bright disc is looked for in it.
 const DARK_SHARE: f64 = 0.5;
 
-/// Levels of a window of which `disc_share` is a bright disc: bright is the mean of the brightest such share, dark the
-/// level that half of the samples stay below.
+/// Levels of a window of which `disc_share` is a bright disc: bright is the mean of the brightest such share,
+/// dark the level that half of the samples stay below.
 pub(crate) fn disc_levels(view: &View, disc_share: f64) -> Levels {
     let histogram = histogram(view, SAMPLED_DISC_ROWS);
     let count: u32 = histogram.iter().map(|&n| u32::from(n)).sum();
@@ -135,7 +137,8 @@ pub(crate) fn disc_levels(view: &View, disc_share: f64) -> Levels {
 
 /// Histogram of every second sample of a row, and of every second row or fewer where the window is large.
 fn histogram(view: &View, rows: usize) -> [u16; BINS] {
-    // Four tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits u16.
+    // Four tables, so that equal neighbours do not wait for one another. At most 192 * 192 / 4 samples: fits
+    // u16.
     let mut tables = [[0u16; BINS]; 4];
     for row in view.rows((view.height() / rows).max(1)) {
         let row = row.get(..view.width()).unwrap_or_default();

@@ -59,11 +59,11 @@ impl Tracker {
         core::mem::take(&mut self.looks)
     }
 
-    /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Only the first `MAX_CIRCLES` searches
-    /// are answered, and no more than `rings` has room for.
+    /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Only the first `MAX_CIRCLES`
+    /// searches are answered, and no more than `rings` has room for.
     ///
-    /// A ring that its window cuts or does not show is looked for again, in a window moved to where the cut piece
-    /// says and then by as much as the other rings of its target have moved.
+    /// A ring that its window cuts or does not show is looked for again, in a window moved to where the cut
+    /// piece says and then by as much as the other rings of its target have moved.
     pub fn track(&mut self, frame: &Frame, searches: &[Search], rings: &mut [Result<Ring, Refusal>]) {
         let mut cuts: [Option<[f64; 2]>; MAX_CIRCLES] = [None; MAX_CIRCLES];
         let count = searches.len().min(rings.len()).min(MAX_CIRCLES);
@@ -96,7 +96,8 @@ impl Tracker {
         let count = searches.len();
         for i in 0..count {
             let (Some(search), Some(Some(cut))) = (searches.get(i), cuts.get(i)) else { continue };
-            // A piece at the window's edge may be a neighbour's: what is found there must fit to what is known.
+            // A piece at the window's edge may be a neighbour's: what is found there must fit to what is
+            // known.
             let known = consensus::trusted_shift(searches, rings, search.target);
             let (Some(ring), Some(light)) = (rings.get_mut(i), lights.get_mut(i)) else { continue };
             let before = *ring;

@@ -1,5 +1,5 @@
-//! A window of the picture and how finely detection looks at it. Of a large ring every second sample either way tells
-//! outline and levels; the sub-pixel step takes them all.
+//! A window of the picture and how finely detection looks at it. Of a large ring every second sample either
+//! way tells outline and levels; the sub-pixel step takes them all.
 
 use crate::Search;
 use crate::loader::Rect;

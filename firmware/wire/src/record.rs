@@ -1,4 +1,5 @@
-//! The records, one struct a kind; `WIRE.md` is the specification. `Event` and `Markers` have files of their own.
+//! The records, one struct a kind; `WIRE.md` is the specification. `Event` and `Markers` have files of their
+//! own.
 //!
 //! The serde derives are the layout on the wire (standard deviations as two bytes, times as eight) and meant
 //! for postcard only: whoever wants a record as text writes its fields.
@@ -91,7 +92,8 @@ pub struct Motion {
     pub displacement_mm: [f32; 3],
     /// Roll, pitch, yaw, degrees.
     pub rotation_deg: [f32; 3],
-    /// Standard deviations of x, y, z (mm) and roll, pitch, yaw (degrees); 2 bytes each on the wire, to 0.2 %.
+    /// Standard deviations of x, y, z (mm) and roll, pitch, yaw (degrees); 2 bytes each on the wire, to 0.2
+    /// %.
     #[serde(with = "short::six")]
     pub sigma: [f32; 6],
     /// Root mean square reprojection error, px; 2 bytes on the wire, to 0.2 %.
@@ -126,11 +128,11 @@ impl PoseFlags {
     pub const DARK: Self = Self(1 << 9);
     /// The lamps were switched within the exposure, by what their circles show; these did not count.
     pub const SWITCHED: Self = Self(1 << 10);
-    /// The camera may have moved on its carbody since rest, or turns as few trains do, and no reference targets tell: the
-    /// motion may be its own.
+    /// The camera may have moved on its carbody since rest, or turns as few trains do, and no reference
+    /// targets tell: the motion may be its own.
     pub const CAMERA_MOVED: Self = Self(1 << 12);
-    /// There are reference targets, and this frame does not show them: the motion is against the place where they were
-    /// seen before, with what the camera has shaken about it in the standard deviations.
+    /// There are reference targets, and this frame does not show them: the motion is against the place where
+    /// they were seen before, with what the camera has shaken about it in the standard deviations.
     pub const UNREFERENCED: Self = Self(1 << 13);
 
     /// Whether all bits of `other` are set.
@@ -169,8 +171,8 @@ pub struct Health {
     pub records_lost: u32,
     /// Most records that ever waited in the outbox.
     pub queue_high_water: u16,
-    /// Loop times since the last `Health`: bucket `i` counts those from 2^(i+9) up to 2^(i+10) ns; the first and
-    /// the last bucket take what is below and above.
+    /// Loop times since the last `Health`: bucket `i` counts those from 2^(i+9) up to 2^(i+10) ns; the first
+    /// and the last bucket take what is below and above.
     pub loop_time: [u16; LOOP_TIME_BUCKETS],
     /// Longest loop time since the last `Health`, ns.
     pub loop_time_max_ns: u32,
@@ -183,8 +185,8 @@ pub struct Health {
     pub latency: Option<Latency>,
 }
 
-/// Where the time of a frame goes outside the loop. These fields came behind the first ones of `Health`: they are on the
-/// line all or not at all.
+/// Where the time of a frame goes outside the loop. These fields came behind the first ones of `Health`: they
+/// are on the line all or not at all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Latency {
     /// From the end of a frame's readout, where the camera tells it, to the frame loop: buckets from
@@ -203,8 +205,8 @@ pub const EXPOSURE_TO_LINE_BITS: u32 = 16;
 /// How often a time was how long.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Histogram {
-    /// Bucket `i` counts times from 2^(i + bits) up to 2^(i + bits + 1) ns, with the `bits` of the first bucket; the first
-    /// and the last bucket take what is below and above.
+    /// Bucket `i` counts times from 2^(i + bits) up to 2^(i + bits + 1) ns, with the `bits` of the first
+    /// bucket; the first and the last bucket take what is below and above.
     pub counts: [u16; LOOP_TIME_BUCKETS],
     /// Longest time, ns; more than 4.29 s are not told apart.
     pub longest_ns: u32,

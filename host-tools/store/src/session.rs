@@ -165,8 +165,8 @@ impl Session {
         foreign.map_or(Ok(()), |version| Err(StoreError::Foreign { what: what(), version }))
     }
 
-    /// The sender's version of the wire, if it is a later one: from the notes, or where they are gone from the first
-    /// `Hello`.
+    /// The sender's version of the wire, if it is a later one: from the notes, or where they are gone from
+    /// the first `Hello`.
     fn foreign_sender(&self) -> Result<Option<u16>, StoreError> {
         if let Some(sender) = self.meta.as_ref().and_then(|meta| meta.sender.as_ref()) {
             return Ok(Some(sender.wire_version).filter(|version| *version > WIRE_VERSION));

@@ -47,8 +47,8 @@ pub struct Tally {
     pub last: Option<(u32, u64)>,
 }
 
-/// The version of the wire that a record names, if this program cannot read it: what else is on such a line is not
-/// guessed at.
+/// The version of the wire that a record names, if this program cannot read it: what else is on such a line
+/// is not guessed at.
 pub fn foreign_version(decoded: &Decoded<'_>) -> Option<u16> {
     match decoded {
         Decoded::Record { record: Record::Hello(hello), .. } => {

@@ -62,8 +62,8 @@ fn what_is_hard_may_come_together() {
     let sizes = [(12.0, 0.4), (12.0, 1.0), (12.0, 1.5), (24.0, 1.5), (60.0, 0.4), (60.0, 0.7), (60.0, 1.5)];
     for (diameter_px, blur_px) in sizes {
         let squared = check(&format!("{diameter_px} px, blur {blur_px} px"), hard(diameter_px, blur_px));
-        // Dark from beyond the margin leaks into a small blurred ring; what that makes of the residuals is stated,
-        // rather too much than too little.
+        // Dark from beyond the margin leaks into a small blurred ring; what that makes of the residuals is
+        // stated, rather too much than too little.
         assert!(
             squared < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED),
             "{diameter_px} px, {blur_px} px: {squared}"
@@ -73,8 +73,8 @@ fn what_is_hard_may_come_together() {
 
 #[test]
 fn a_small_ring_whose_edges_blur_joins_is_found_and_states_what_its_centre_is_worth() {
-    // A black ring that tilt makes 2.5 px thin, seen with a blur of 3.5 px from half to half of its height. On a wide
-    // sheet the window's corners are darker than what is left of its black.
+    // A black ring that tilt makes 2.5 px thin, seen with a blur of 3.5 px from half to half of its height.
+    // On a wide sheet the window's corners are darker than what is left of its black.
     for margin_px in [4.0, 12.0] {
         let conditions = Conditions {
             diameter_px: 12.0,
@@ -86,8 +86,8 @@ fn a_small_ring_whose_edges_blur_joins_is_found_and_states_what_its_centre_is_wo
         };
         let outcomes = outcomes(conditions);
         assert_eq!(outcomes.iter().map(|o| o.refused).sum::<u32>(), 0, "{margin_px} px");
-        // Dark from beyond the margin leaks in; what that makes of the residuals is stated, rather too much than too
-        // little.
+        // Dark from beyond the margin leaks in; what that makes of the residuals is stated, rather too much
+        // than too little.
         let squared = mean(&outcomes.iter().map(|o| o.squared).collect::<Vec<_>>());
         assert!(squared < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{margin_px} px: {squared}");
     }

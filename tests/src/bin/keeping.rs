@@ -1,15 +1,18 @@
-//! The table of finding and keeping, over every scene of `tests/scenes/keeping` or those named, twenty seeds each:
+//! The table of finding and keeping, over every scene of `tests/scenes/keeping` or those named, twenty seeds
+//! each:
 //!
 //!     cargo run --release -p e2e --bin keeping -- [--seeds N] [--pictures FOLDER] [SCENE ...]
 //!
-//! Of the frames with six rings or more free to see (`6 free`) most have a pose. The others come before the first pose of all
-//! (`first`: a picture is searched in slices, and no frame has what two of them find), before the first one after people,
-//! darkness or glare (`again`), or in between (`lost`); `longest` is the most of these two on end. `ring` is how long a single
-//! ring that was free to see stayed without its place in a pose. Marked frames are those whose record says that the camera may
-//! have moved: their motion is not compared. Times are processor time, of each frame the least of several plays; `times` and
-//! `work` are the slowest frame over the median one of those that track, in time and in counted work.
+//! Of the frames with six rings or more free to see (`6 free`) most have a pose. The others come before the
+//! first pose of all (`first`: a picture is searched in slices, and no frame has what two of them find),
+//! before the first one after people, darkness or glare (`again`), or in between (`lost`); `longest` is the
+//! most of these two on end. `ring` is how long a single ring that was free to see stayed without its place
+//! in a pose. Marked frames are those whose record says that the camera may have moved: their motion is not
+//! compared. Times are processor time, of each frame the least of several plays; `times` and `work` are the
+//! slowest frame over the median one of those that track, in time and in counted work.
 //!
-//! With `--pictures` the worst frame of each scene is written there, with windows, centres and refusals drawn in.
+//! With `--pictures` the worst frame of each scene is written there, with windows, centres and refusals drawn
+//! in.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,5 @@
-//! Controls of a camera: everything automatic off, exposure, gain and focus as the setup says, each read back.
+//! Controls of a camera: everything automatic off, exposure, gain and focus as the setup says, each read
+//! back.
 
 use gangway_device::Exposure;
 use gangway_setup::Capture;
@@ -46,8 +47,8 @@ const AUTOMATIC: [(u32, i64); 6] = [
 /// The unit of `EXPOSURE_ABSOLUTE`, us.
 const EXPOSURE_UNIT_US: f64 = 100.0;
 
-/// Writes what the setup says and reads it back. Gives the exposure, ns, 0 where nobody tells it: a device without a
-/// control for it is taken to expose as the setup says.
+/// Writes what the setup says and reads it back. Gives the exposure, ns, 0 where nobody tells it: a device
+/// without a control for it is taken to expose as the setup says.
 ///
 /// # Errors
 /// One sentence with the control's name and range.
@@ -99,8 +100,9 @@ pub(crate) fn has_exposure(device: &impl Controls) -> bool {
     device.range(EXPOSURE_ABSOLUTE).is_some()
 }
 
-/// Writes another exposure and gain, each to the nearest that the device takes; gives what it then has, `None` where it
-/// has no control for the exposure. A gain's units are known only where they begin above 0: there that is 1.
+/// Writes another exposure and gain, each to the nearest that the device takes; gives what it then has,
+/// `None` where it has no control for the exposure. A gain's units are known only where they begin above 0:
+/// there that is 1.
 pub(crate) fn expose(device: &impl Controls, wanted: Exposure) -> Option<Exposure> {
     let nearest = |id: u32, range: &Range, value: f64| -> Option<i64> {
         let step = i64::try_from(range.step.max(1)).ok()?;
@@ -223,7 +225,8 @@ mod tests {
     #[test]
     fn an_exposure_is_taken_to_the_devices_own_steps() {
         let camera = Fake::with(&[EXPOSURE_ABSOLUTE, GAIN]);
-        // 3.3 ms are 33 units of 0.1 ms, and only even ones are taken. The gain begins at 0: its unit is not known.
+        // 3.3 ms are 33 units of 0.1 ms, and only even ones are taken. The gain begins at 0: its unit is not
+        // known.
         let taken = expose(&camera, Exposure { time_s: 3.3e-3, gain: 4.0 });
         assert_eq!(taken, Some(Exposure { time_s: 3.2e-3, gain: 1.0 }));
         assert_eq!(expose(&Fake::with(&[GAIN]), Exposure { time_s: 1e-3, gain: 1.0 }), None);

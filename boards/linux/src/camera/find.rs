@@ -1,4 +1,5 @@
-//! The device that the setup names: a path, or the serial number of what is plugged in, wherever that came up.
+//! The device that the setup names: a path, or the serial number of what is plugged in, wherever that came
+//! up.
 
 use std::path::{Path, PathBuf};
 

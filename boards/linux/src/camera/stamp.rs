@@ -79,13 +79,14 @@ pub(crate) fn source(is_monotonic: bool, is_start: bool, noted_ns: u64, now_ns: 
     }
 }
 
-/// libcamera's `SensorTimestamp`, ns, as a time of the monotonic clock, and what it is of; without one that can be true
-/// the time of arrival.
+/// libcamera's `SensorTimestamp`, ns, as a time of the monotonic clock, and what it is of; without one that
+/// can be true the time of arrival.
 ///
 /// libcamera (0.4 to 0.7, `control_ids_core.yaml`) documents it as the time when the first row is exposed, by
-/// CLOCK_BOOTTIME. Its pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the receiver's V4L2 buffer:
-/// CLOCK_MONOTONIC at the start of the frame on the wire, when the first row has been exposed and begins to be read.
-/// That is what is taken; a time that only the boot clock can have noted is brought to the monotonic one.
+/// CLOCK_BOOTTIME. Its pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the
+/// receiver's V4L2 buffer: CLOCK_MONOTONIC at the start of the frame on the wire, when the first row has been
+/// exposed and begins to be read. That is what is taken; a time that only the boot clock can have noted is
+/// brought to the monotonic one.
 pub fn sensor_time(told: Option<i64>, monotonic_ns: u64, boottime_ns: u64) -> (u64, TimeSource) {
     let told = told.and_then(|ns| u64::try_from(ns).ok());
     match told.and_then(|ns| of_either_clock(ns, monotonic_ns, boottime_ns)) {
@@ -94,8 +95,8 @@ pub fn sensor_time(told: Option<i64>, monotonic_ns: u64, boottime_ns: u64) -> (u
     }
 }
 
-/// A time that the boot clock or the monotonic one has noted, as one of the monotonic clock, ns: they differ by the time
-/// that the board was suspended. `None` where neither can have noted it just now.
+/// A time that the boot clock or the monotonic one has noted, as one of the monotonic clock, ns: they differ
+/// by the time that the board was suspended. `None` where neither can have noted it just now.
 fn of_either_clock(noted_ns: u64, monotonic_ns: u64, boottime_ns: u64) -> Option<u64> {
     let is_recent = |now_ns: u64| noted_ns <= now_ns && now_ns - noted_ns <= OLDEST_NS;
     if noted_ns == 0 {
@@ -153,8 +154,8 @@ mod tests {
 
     #[test]
     fn a_sensor_timestamp_of_either_clock_gives_the_middle_of_the_exposure() {
-        // Exposed for 4 ms, the last line 6 ms after the first: the first is read from 50 s on, and the middle line was
-        // exposed from 49.999 s to 50.003 s. The board was asleep for 20 s before.
+        // Exposed for 4 ms, the last line 6 ms after the first: the first is read from 50 s on, and the
+        // middle line was exposed from 49.999 s to 50.003 s. The board was asleep for 20 s before.
         let (ms, readout) = (1_000_000, 50_000_000_000);
         let shutter = Shutter { exposure_ns: 4 * ms, readout_ns: 6 * ms };
         let (now, asleep) = (readout + 12 * ms, 20_000_000_000);

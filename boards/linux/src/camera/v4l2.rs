@@ -297,8 +297,8 @@ impl Stream for V4l2Stream {
         if start.is_null() {
             return &[];
         }
-        // SAFETY: `wait` noted a part of a buffer that stays mapped as long as `mapped` lives, and that the kernel
-        // does not write before the next `wait`, which needs this stream exclusively.
+        // SAFETY: `wait` noted a part of a buffer that stays mapped as long as `mapped` lives, and that the
+        // kernel does not write before the next `wait`, which needs this stream exclusively.
         unsafe { std::slice::from_raw_parts(start, length) }
     }
 
@@ -315,8 +315,8 @@ impl Stream for V4l2Stream {
 }
 
 impl Drop for V4l2Stream {
-    /// The crate's own drop panics where the device refuses to stop, and once more, which would end the program,
-    /// where it then refuses to give its buffers back. So it is asked first.
+    /// The crate's own drop panics where the device refuses to stop, and once more, which would end the
+    /// program, where it then refuses to give its buffers back. So it is asked first.
     fn drop(&mut self) {
         let Some(mut mapped) = self.mapped.take() else { return };
         match mapped.stop() {
@@ -326,7 +326,8 @@ impl Drop for V4l2Stream {
                 // SAFETY: whoever else had the descriptor is forgotten, so nobody closes or uses it again.
                 unsafe { libc::close(fd) };
             }
-            // A panic while another one unwinds would end the program: then the mapping is left to the system.
+            // A panic while another one unwinds would end the program: then the mapping is left to the
+            // system.
             _ if std::thread::panicking() => std::mem::forget(mapped),
             _ => {
                 let _ = catch_unwind(AssertUnwindSafe(|| drop(mapped)));

@@ -81,8 +81,8 @@ struct Costs {
 }
 
 impl Costs {
-    /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What the first
-    /// frames touch for the first time is no trouble; the first trouble is told in the records.
+    /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What
+    /// the first frames touch for the first time is no trouble; the first trouble is told in the records.
     fn note(&mut self, frames: u64, asked: Option<u64>, notices: &Notices) {
         if frames < LOOK {
             return;

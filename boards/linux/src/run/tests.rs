@@ -42,8 +42,8 @@ impl OutputPin for Lit {
     }
 }
 
-/// Runs a box without a camera. `slow` is told how many signs of life systemd has heard. Tells whether the lamp still
-/// shines, and all that systemd heard.
+/// Runs a box without a camera. `slow` is told how many signs of life systemd has heard. Tells whether the
+/// lamp still shines, and all that systemd heard.
 fn play(mut slow: impl FnMut(&Signals, usize)) -> (bool, Vec<String>, thread::Result<Summary>) {
     let place = tempfile::tempdir().unwrap();
     let socket = UnixDatagram::bind(place.path().join("notify")).unwrap();

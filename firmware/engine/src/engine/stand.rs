@@ -1,4 +1,5 @@
-//! Rest: looked for at start and on command, and noticed again later, when the train should stand where it stood then.
+//! Rest: looked for at start and on command, and noticed again later, when the train should stand where it
+//! stood then.
 
 use gangway_device::Frame;
 use gangway_pose::{MAX_CIRCLES, Solution, relative_pose};
@@ -10,8 +11,8 @@ use crate::own::Own;
 use crate::{OutboxProducer, Settings, report};
 
 impl Engine {
-    /// While rest is sought: shows this frame to the finder, and takes over what it finds. Later the same tells when the
-    /// train stands again.
+    /// While rest is sought: shows this frame to the finder, and takes over what it finds. Later the same
+    /// tells when the train stands again.
     pub(super) fn find_rest(
         &mut self,
         frame: &Frame<'_>,
@@ -52,7 +53,8 @@ impl Engine {
         }
     }
 
-    /// Takes the circles to be where the rest interval showed them; gives the covariance of a frame's pose with that.
+    /// Takes the circles to be where the rest interval showed them; gives the covariance of a frame's pose
+    /// with that.
     fn survey(&mut self) -> Option<Matrix6<f64>> {
         let settings = &self.settings;
         let frames = settings.rest.frames;

@@ -1,5 +1,5 @@
-//! What the host hears beside the motion itself: answers to its commands, who this box is, what happened to circles and
-//! light, and how the loop is doing.
+//! What the host hears beside the motion itself: answers to its commands, who this box is, what happened to
+//! circles and light, and how the loop is doing.
 
 use gangway_device::{CameraErrorKind, Clock, Vitals};
 use gangway_vision::Refusal;

@@ -84,8 +84,8 @@ pub(crate) struct Searcher {
 }
 
 impl Searcher {
-    /// Adds the groups that ring `number` begins together with its neighbour `start`, which is the nearest first; false if
-    /// there is nothing more to begin with this ring.
+    /// Adds the groups that ring `number` begins together with its neighbour `start`, which is the nearest
+    /// first; false if there is nothing more to begin with this ring.
     pub(crate) fn search(
         &mut self,
         layout: &Layout,

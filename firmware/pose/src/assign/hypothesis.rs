@@ -1,5 +1,5 @@
-//! What a group would mean: every target that has its pattern gives a pose, every pose says where the other targets'
-//! groups must be, and the pose from all of them says which circle must show where.
+//! What a group would mean: every target that has its pattern gives a pose, every pose says where the other
+//! targets' groups must be, and the pose from all of them says which circle must show where.
 
 use core::cmp::Reverse;
 
@@ -37,13 +37,14 @@ const ON_TARGET: u32 = 3;
 const ON_TWO: u32 = 8;
 /// ... or on this share of all circles that should be in the picture ...
 const SHARE: (u32, u32) = (7, 10);
-/// ... or, with a plausible pose, on so many, of which so many are not on the target with the most: a sheet that looks like a
-/// target has nothing there.
+/// ... or, with a plausible pose, on so many, of which so many are not on the target with the most: a sheet
+/// that looks like a target has nothing there.
 const ON_FEW: u32 = 6;
 const ASIDE: u32 = 2;
 /// With this share of all circles in its groups a hypothesis is not bettered from other targets.
 const SETTLED: (usize, usize) = (8, 10);
-/// A hypothesis whose groups have less than this share of the circles that the best one has found is no rival.
+/// A hypothesis whose groups have less than this share of the circles that the best one has found is no
+/// rival.
 const WORTH: (u32, u32) = (1, 2);
 /// A rival that finds this share of what the best one finds explains the rings about as well ...
 const RIVAL: (u32, u32) = (3, 4);
@@ -94,8 +95,8 @@ impl Rivals {
         self.all.sort_unstable_by_key(|hypothesis| Reverse(hypothesis.score));
     }
 
-    /// Whether there is a hypothesis so good that poses from `group` can only repeat it: it does not begin with another
-    /// reading of the target that this group is.
+    /// Whether there is a hypothesis so good that poses from `group` can only repeat it: it does not begin
+    /// with another reading of the target that this group is.
     pub(crate) fn are_settled_without(&self, layout: &Layout, groups: &[Group], group: usize) -> bool {
         let best = self.all.iter().max_by_key(|hypothesis| hypothesis.score);
         best.is_some_and(|best| {
@@ -105,7 +106,8 @@ impl Rivals {
         })
     }
 
-    /// The hypothesis with this number, unless it and all behind it have too few circles to rival those verified.
+    /// The hypothesis with this number, unless it and all behind it have too few circles to rival those
+    /// verified.
     pub(crate) fn worth_verifying(&mut self, number: usize) -> Option<&mut Hypothesis> {
         let most = self.all.iter().map(|verified| verified.found).max().unwrap_or(0);
         self.all.get_mut(number).filter(|next| next.score as u32 * WORTH.1 >= most * WORTH.0)
@@ -250,7 +252,8 @@ impl Seen {
     }
 }
 
-/// The poses that a group gives, one for each target that it could be, and what of the other groups fits to each.
+/// The poses that a group gives, one for each target that it could be, and what of the other groups fits to
+/// each.
 pub(crate) fn from_group(
     layout: &Layout,
     view: &View<'_>,

@@ -1,5 +1,5 @@
-//! What looks like a bright disc in a row is one if it does along eight rays as well: its edges on an ellipse, and dark
-//! beyond them.
+//! What looks like a bright disc in a row is one if it does along eight rays as well: its edges on an
+//! ellipse, and dark beyond them.
 
 use gangway_device::Frame;
 use gangway_pose::Sighting;
@@ -10,8 +10,8 @@ use crate::acquire::row::Pattern;
 /// Least diameter, px.
 pub(super) const LEAST_PX: f64 = 5.0;
 
-/// Beyond a disc it is dark up to this share of its radius, and where there are rings too, further: the white in the
-/// middle of a ring is followed by the white around it.
+/// Beyond a disc it is dark up to this share of its radius, and where there are rings too, further: the white
+/// in the middle of a ring is followed by the white around it.
 const DARK_TO: f64 = 1.5;
 const DARK_BESIDE_RINGS_TO: f64 = 2.4;
 

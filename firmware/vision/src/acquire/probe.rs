@@ -1,5 +1,5 @@
-//! What looks like a ring in a row is one if it does along eight rays as well: black and white in turn, and both edges
-//! on ellipses about one centre, of one shape.
+//! What looks like a ring in a row is one if it does along eight rays as well: black and white in turn, and
+//! both edges on ellipses about one centre, of one shape.
 
 use gangway_device::Frame;
 use gangway_pose::Sighting;
@@ -9,8 +9,8 @@ use crate::loader;
 
 /// Directions of the lines through the centre, as steps of pixels.
 pub(super) const LINES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
-/// Largest relative difference of the squared sizes along the two pairs of lines across each other: on an ellipse there
-/// is none.
+/// Largest relative difference of the squared sizes along the two pairs of lines across each other: on an
+/// ellipse there is none.
 const UNEVEN: f64 = 0.25;
 /// The same for pixels that are small against nothing: edges are placed to about this, px.
 const EDGE_PX: f64 = 0.35;
@@ -28,8 +28,8 @@ struct Chords {
     halves: [f64; 2],
 }
 
-/// The ring about column `middle` of row `y`, which is `width` px wide there, if it is one. Its outer to inner diameter
-/// must be from `ratios[0]` to `ratios[1]`.
+/// The ring about column `middle` of row `y`, which is `width` px wide there, if it is one. Its outer to
+/// inner diameter must be from `ratios[0]` to `ratios[1]`.
 pub(crate) fn ring(frame: &Frame, pattern: &Pattern, y: u16, ratios: [f64; 2]) -> Option<Sighting> {
     let reach = i32::from(pattern.width) * 7 / 8 + 4;
     let mut at = [i32::from(pattern.middle), i32::from(y)];
@@ -117,8 +117,8 @@ fn ellipse(all: &[Chords; LINES.len()], allowed: [f64; 2]) -> Option<([f64; 3], 
     Some((form, 0.25 * ratios.iter().sum::<f64>()))
 }
 
-/// The quadratic form of the ellipse with these halves of chords through its middle along the lines, (uu, uv, vv) in
-/// 1/px^2, if there is one.
+/// The quadratic form of the ellipse with these halves of chords through its middle along the lines, (uu, uv,
+/// vv) in 1/px^2, if there is one.
 pub(super) fn form_of(halves: &[f64; LINES.len()]) -> Option<[f64; 3]> {
     let [u, v, down, up] = halves.map(|half| 1.0 / (half * half));
     let (straight, diagonal) = (u + v, down + up);
@@ -134,8 +134,8 @@ pub(super) fn form_of(halves: &[f64; LINES.len()]) -> Option<[f64; 3]> {
     positive.then_some(form)
 }
 
-/// The centre, relative to where the lines cross: on each line the middle of the chords is where it comes nearest to
-/// it, as the ellipse measures. Least squares over the lines.
+/// The centre, relative to where the lines cross: on each line the middle of the chords is where it comes
+/// nearest to it, as the ellipse measures. Least squares over the lines.
 pub(super) fn centre(middles: &[f64; LINES.len()], form: &[f64; 3]) -> Option<[f64; 2]> {
     let (mut a, mut b) = ([0.0; 3], [0.0; 2]);
     for (middle, line) in middles.iter().zip(LINES) {

@@ -1,4 +1,5 @@
-//! One row of the picture, black and white by a threshold of its surroundings, and where it runs as through a ring.
+//! One row of the picture, black and white by a threshold of its surroundings, and where it runs as through a
+//! ring.
 
 use core::ops::Range;
 
@@ -70,8 +71,8 @@ impl Row {
         Self { samples: [0; MAX_WIDTH], extremes: [(0, 0); BLOCKS + 1] }
     }
 
-    /// Calls `found` with every run black, white, black in these columns of row `y` that could be a ring's; gives the number
-    /// of changes between black and white. Pixels beyond the longest row are not looked at.
+    /// Calls `found` with every run black, white, black in these columns of row `y` that could be a ring's;
+    /// gives the number of changes between black and white. Pixels beyond the longest row are not looked at.
     pub(crate) fn patterns(
         &mut self,
         frame: &Frame,
@@ -190,8 +191,8 @@ fn below(word: &[u8; 64], thresholds: &[u8; BLOCKS_A_WORD]) -> u64 {
     transposed(low | high << 1)
 }
 
-/// Bit 2 k of column j says whether byte 16 k + j is below its threshold. Not inlined: so the compiler compares sixteen
-/// bytes at a time.
+/// Bit 2 k of column j says whether byte 16 k + j is below its threshold. Not inlined: so the compiler
+/// compares sixteen bytes at a time.
 #[inline(never)]
 fn compare(word: &[u8; 64], thresholds: &[u8; BLOCKS_A_WORD], columns: &mut [u8; 16]) {
     let (rows, _) = word.as_chunks::<16>();
@@ -235,11 +236,11 @@ impl Limits {
         self.discs = true;
     }
 
-    /// Limits for rings whose outer to inner diameter is from `ratios[0]` to `ratios[1]`, contrast as a share of full
-    /// scale.
+    /// Limits for rings whose outer to inner diameter is from `ratios[0]` to `ratios[1]`, contrast as a share
+    /// of full scale.
     pub(crate) fn new(min_contrast: f64, ratios: [f64; 2]) -> Self {
-        // White between the blacks over both of them: 1 / (ratio - 1) in the middle, down to about a third of it where
-        // the row nearly misses the inner disc.
+        // White between the blacks over both of them: 1 / (ratio - 1) in the middle, down to about a third of
+        // it where the row nearly misses the inner disc.
         let middle = [0.35 / (ratios[1] - 1.0), 1.35 / (ratios[0] - 1.0)];
         Self {
             discs: false,
@@ -248,8 +249,9 @@ impl Limits {
         }
     }
 
-    /// Whether a row that changes at these four places, from white to black first, can run through a ring. Ellipses
-    /// about one centre and of one shape cut any line about the same middle: both runs of black are equally long.
+    /// Whether a row that changes at these four places, from white to black first, can run through a ring.
+    /// Ellipses about one centre and of one shape cut any line about the same middle: both runs of black are
+    /// equally long.
     #[inline(always)]
     fn allow(&self, &[a, b, c, d]: &[u32; 4]) -> bool {
         let (left, middle, right) = (b - a, c - b, d - c);

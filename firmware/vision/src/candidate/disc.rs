@@ -1,5 +1,5 @@
-//! Which bright component of a window is the disc of an active target: one that the window shows wholly, of the expected
-//! size and outline (the criteria of thesis 3.2.5 without those of the inner disc).
+//! Which bright component of a window is the disc of an active target: one that the window shows wholly, of
+//! the expected size and outline (the criteria of thesis 3.2.5 without those of the inner disc).
 
 use core::f64::consts::PI;
 

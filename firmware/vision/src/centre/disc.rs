@@ -1,5 +1,5 @@
-//! The sub-pixel centre of a bright disc on dark: the model ring without its inner edge, black and white the other way
-//! round. All of the disc is taken: what lies within its edge tells how evenly it is lit.
+//! The sub-pixel centre of a bright disc on dark: the model ring without its inner edge, black and white the
+//! other way round. All of the disc is taken: what lies within its edge tells how evenly it is lit.
 
 use gangway_device::Frame;
 use gangway_pose::Centre;
@@ -15,15 +15,16 @@ use crate::patch::{Belt, Part, Patch};
 use crate::profile::{NO_EDGE, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
 
-/// The dark level is at least this share of what the disc has above it: the model's light is a share of the dark.
+/// The dark level is at least this share of what the disc has above it: the model's light is a share of the
+/// dark.
 const LEAST_DARK: f64 = 1.0 / 256.0;
 
-/// Standard deviation of a disc's own unevenness from its middle to its edge, share of its level, before anything of it
-/// was seen: of a diffuser before a light-emitting diode.
+/// Standard deviation of a disc's own unevenness from its middle to its edge, share of its level, before
+/// anything of it was seen: of a diffuser before a light-emitting diode.
 const UNEVEN: f64 = 0.002;
 
-/// What is left of the model's faults where only the foot of the edge is seen, below the saturated rest: standard deviation
-/// of the centre times the root of the diameter, px^3/2. Measured from 4 to 30 px.
+/// What is left of the model's faults where only the foot of the edge is seen, below the saturated rest:
+/// standard deviation of the centre times the root of the diameter, px^3/2. Measured from 4 to 30 px.
 const BY_FOOT: f64 = 0.08;
 
 /// The ring's bound on the third harmonic, for an edge that has no other within it to be compared with.
@@ -38,7 +39,8 @@ const CLIPPED: u8 = 253;
 /// Share of a disc's level that noise is taken for until it is measured.
 const FIRST_NOISE: f64 = 0.01;
 
-/// Fits the disc that `candidate` (in the window at `window`) shows roughly, from the window's dark and bright level.
+/// Fits the disc that `candidate` (in the window at `window`) shows roughly, from the window's dark and
+/// bright level.
 pub(crate) fn measure(
     frame: &Frame,
     workspace: &mut Workspace,

@@ -127,8 +127,8 @@ fn what_winds_is_followed_and_what_winds_without_end_is_clutter() {
         })
     };
     check(&nested(41));
-    // A bright path that comes in at a corner and goes down and up over the whole window, between walls that stop
-    // short in turn.
+    // A bright path that comes in at a corner and goes down and up over the whole window, between walls that
+    // stop short in turn.
     let (width, height) = (121, 60);
     let wall = |x: usize, y: usize| {
         let edge = x == 0 || y == 0 || x == width - 1 || y == height - 1;

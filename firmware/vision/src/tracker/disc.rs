@@ -19,16 +19,17 @@ const LEAST_SIDE: f64 = 24.0;
 /// Discs below this diameter are no wider than the median's window, px.
 const MEDIAN_PX: f64 = 6.0;
 
-/// Of what the prediction of this frame is off, the share that it is further off than that of the dark frame before it: a
-/// carried-on velocity over one and over two frames after lit ones two frames apart is off by 3/2 and by 4 accelerations.
+/// Of what the prediction of this frame is off, the share that it is further off than that of the dark frame
+/// before it: a carried-on velocity over one and over two frames after lit ones two frames apart is off by
+/// 3/2 and by 4 accelerations.
 const SHARE_OF_DARK: f64 = 0.625;
 
 /// Least share of the window that is looked at as its brightest: a point's own pixels.
 const LEAST_SHARE_PX: f64 = 4.0;
 
 impl Tracker {
-    /// Keeps the windows of all discs as they are in a frame without lamps: they are taken off the next frames, as far as
-    /// a window has not moved by more than a pixel since.
+    /// Keeps the windows of all discs as they are in a frame without lamps: they are taken off the next
+    /// frames, as far as a window has not moved by more than a pixel since.
     pub fn keep_dark(&mut self, frame: &Frame, searches: &[Search]) {
         self.dark.forget();
         for search in searches.iter().filter(|search| search.is_disc()) {
@@ -41,7 +42,8 @@ impl Tracker {
         self.dark.forget();
     }
 
-    /// Looks for one disc in a window about `at`, in what the lamps add to the last dark frame where that is known.
+    /// Looks for one disc in a window about `at`, in what the lamps add to the last dark frame where that is
+    /// known.
     pub(super) fn look_at_disc(
         &mut self,
         frame: &Frame,

@@ -69,7 +69,8 @@ fn the_stated_covariance_is_true() {
         sum += (vv * e[0] * e[0] - 2.0 * uv * e[0] * e[1] + uu * e[1] * e[1]) / (uu * vv - uv * uv);
         count += 1.0;
     }
-    // The mean of 150 squared errors of two coordinates scatters by 2 / sqrt(150) = 0.16 about 2; three times that.
+    // The mean of 150 squared errors of two coordinates scatters by 2 / sqrt(150) = 0.16 about 2; three times
+    // that.
     assert!((sum / count - 2.0).abs() < 0.5, "{}", sum / count);
 }
 
@@ -216,7 +217,8 @@ fn white_that_is_clipped_costs_neither_ring_nor_centre() {
         let mut picture = one_ring(centre, 36.0);
         picture.values.iter_mut().for_each(|value| *value *= brighter);
         let ring = look(&picture, Layout::GREY, &Search::round([84.0, 84.0], 36.0)).unwrap();
-        // The drawing's own samples: 0.005 px with the whole edges, more with the third of them that is not clipped.
+        // The drawing's own samples: 0.005 px with the whole edges, more with the third of them that is not
+        // clipped.
         assert!(error(&ring, centre) < 0.015, "{brighter}: {}", error(&ring, centre));
     }
 }

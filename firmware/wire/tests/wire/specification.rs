@@ -1,5 +1,5 @@
-//! `WIRE.md` taken at its word: its tables alone, read as they are printed, take every record apart to the last
-//! byte.
+//! `WIRE.md` taken at its word: its tables alone, read as they are printed, take every record apart to the
+//! last byte.
 
 use std::collections::BTreeMap;
 

@@ -20,8 +20,8 @@ fn discs_of_every_size_are_measured_in_darkness_and_in_light() {
                 let picture = one_disc(centre, diameter, [dark, 0.7]);
                 let ring = look(&picture, layout, &Search::disc([60.5, 58.0], diameter));
                 let ring = ring.unwrap_or_else(|why| panic!("{diameter} px, dark {dark}: {why:?}"));
-                // Without noise the model's own faults are left: rounding to 8 bits, and an edge that bends within its
-                // own blur.
+                // Without noise the model's own faults are left: rounding to 8 bits, and an edge that bends
+                // within its own blur.
                 assert!(error(&ring, centre) < 0.015, "{diameter} {dark} {layout:?}: {ring:?}");
                 assert!((ring.diameter_px / diameter - 1.0).abs() < 0.1, "{diameter}: {}", ring.diameter_px);
                 // A point does not reach its own level.
@@ -32,7 +32,8 @@ fn discs_of_every_size_are_measured_in_darkness_and_in_light() {
     }
 }
 
-/// Mean squared error over the stated covariance, of two coordinates, and the root mean square error a coordinate, px.
+/// Mean squared error over the stated covariance, of two coordinates, and the root mean square error a
+/// coordinate, px.
 fn scatter(diameter: f64, bright: f64, random: &mut Random) -> (f64, f64) {
     let (mut normalised, mut square, count) = (0.0, 0.0, 100);
     for _ in 0..count {
@@ -55,12 +56,13 @@ fn the_stated_covariance_of_discs_is_true() {
     let mut random = Random::new(12);
     for diameter in [8.0, 16.0, 30.0] {
         let (normalised, rms) = scatter(diameter, 0.7, &mut random);
-        // The mean of 100 squared errors of two coordinates scatters by 0.2 about 2; three times that. How the edge of a
-        // small disc bends within its blur is taken for noise.
+        // The mean of 100 squared errors of two coordinates scatters by 0.2 about 2; three times that. How
+        // the edge of a small disc bends within its blur is taken for noise.
         let least = if diameter < 10.0 { 1.0 } else { 1.4 };
         assert!((least..2.6).contains(&normalised), "{diameter} px: {normalised}");
-        // Of noise of 0.01 under an edge of 0.67 with a blur of 0.67 px, on a known profile: 0.015 px over the root of
-        // the edge's length in its own widths. Half more for what the profile and the evenness cost.
+        // Of noise of 0.01 under an edge of 0.67 with a blur of 0.67 px, on a known profile: 0.015 px over
+        // the root of the edge's length in its own widths. Half more for what the profile and the evenness
+        // cost.
         let bound = 0.01 / 0.67 * (2.0 * PI.sqrt() * 0.67 / (PI * diameter / 2.0)).sqrt();
         assert!(rms < 1.5 * bound, "{diameter} px: {rms} px, bound {bound}");
     }
