@@ -169,4 +169,24 @@ mod tests {
         assert!((shifted.at(3, 2) - (27.5 + 2.5)).abs() < 1e-5);
         assert_eq!(Shifted::new(&samples, 6, [-1.0, 0.0]).at(2, 2), 32.0);
     }
+
+    #[test]
+    fn a_dark_window_is_taken_off_only_where_it_has_not_moved_by_more_than_a_pixel() {
+        let bytes = [100; 64 * 64];
+        let frame = Frame::new(&bytes, (64, 64), 64, Layout::GREY, 0, 0).unwrap();
+        let mut dark = std::boxed::Box::new(Dark::new());
+        let kept = Search::disc([32.0, 32.0], 10.0);
+        dark.keep(&frame, &kept);
+        let moved = |u: f64, v: f64| Search { at: [32.0 + u, 32.0 + v], ..kept };
+        let mut is_taken =
+            |search: &Search, further: [f64; 2]| dark.take_off(&frame, search, further).is_some();
+        for near in [moved(0.0, 0.0), moved(0.99, 0.0), moved(-0.7, 0.7)] {
+            assert!(is_taken(&near, [0.0; 2]), "{:?}", near.at);
+        }
+        for far in [moved(1.01, 0.0), moved(-0.8, 0.8), moved(0.0, -5.0)] {
+            assert!(!is_taken(&far, [0.0; 2]), "{:?}", far.at);
+        }
+        // The disc itself counts, not its prediction alone.
+        assert!(is_taken(&moved(0.6, 0.0), [0.3, 0.0]) && !is_taken(&moved(0.6, 0.0), [0.5, 0.0]));
+    }
 }
