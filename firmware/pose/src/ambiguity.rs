@@ -66,7 +66,10 @@ pub(crate) fn solution(problem: &Problem, found: &Consensus, from_prior: bool) -
         if fit.pose == found.fit.pose { libm::sqrt(found.px2 / circles) } else { residual(&fit.pose) };
     let covariance = |fit: &Fit, other: Option<&Fit>| {
         let excess = scatter::excess(fit.chi2, freedom);
-        if is_plane(problem, found.used) && other.is_none_or(|other| is_beside(fit, other, excess)) {
+        // How much the circles scatter is told by the better of the two: about one that is wrong they always
+        // do.
+        let least = |other: &Fit| scatter::excess(fit.chi2.min(other.chi2), freedom);
+        if is_plane(problem, found.used) && other.is_none_or(|other| is_beside(fit, other, least(other))) {
             valley::covariance(problem, found.used, fit, excess)
         } else {
             fit.covariance * excess

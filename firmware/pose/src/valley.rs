@@ -14,8 +14,11 @@ use crate::rest::difference;
 
 /// Standard deviations that are walked to either side.
 const SIGMAS: f64 = 3.0;
-/// Doublings of the way while the sum of squares has not risen enough: to 96 linear standard deviations.
-const DOUBLINGS: usize = 5;
+/// Places at the most that are looked at on one side, each at most twice as far as the one before: to 96
+/// linear standard deviations.
+const WALKS: usize = 6;
+/// A place that is further by less than this factor need not be looked at.
+const NEAR: f64 = 1.05;
 /// No further than this, radians: what is less certain is uncertain enough.
 const FURTHEST: f64 = 0.5;
 /// Steps at the most that bring a place beside the valley down to its floor, and the fall, as a share of the
@@ -35,7 +38,7 @@ pub(crate) fn covariance(problem: &Problem, used: u64, fit: &Fit, scale: f64) ->
         let along = linear.fixed_columns::<3>(3) * axis / libm::sqrt(variance);
         let valley = Valley { problem, used, fit, axis, along };
         // Where the way leads a circle out of the camera's sight, the straight line must do.
-        wider += valley.bend(scale).unwrap_or_default();
+        wider += valley.more(scale).unwrap_or_default();
     }
     wider
 }
@@ -52,41 +55,52 @@ struct Valley<'a> {
 
 impl Valley<'_> {
     /// What the variance along the valley has more than that along its straight line.
-    fn bend(&self, scale: f64) -> Option<Matrix6<f64>> {
+    fn more(&self, scale: f64) -> Option<Matrix6<f64>> {
         let enough = SIGMAS * SIGMAS * scale;
-        let (left, right) = (self.end(-1.0, enough)?, self.end(1.0, enough)?);
+        // It bends to both sides alike.
+        let mut bend = Vector6::zeros();
+        let (left, right) = (self.end(-1.0, enough, &mut bend)?, self.end(1.0, enough, &mut bend)?);
         let bent = (left * left.transpose() + right * right.transpose()) / (2.0 * SIGMAS * SIGMAS);
         Some(bent - self.along * self.along.transpose())
     }
 
     /// The way along the valley, (v, w), to where the sum of squares has risen enough on one side, and never
-    /// less than the linear one.
-    fn end(&self, side: f64, enough: f64) -> Option<Vector6<f64>> {
+    /// less than the linear one. `bend` times the square of the standard deviations is by how much the valley
+    /// leaves its straight line, as far as that is known.
+    fn end(&self, side: f64, enough: f64, bend: &mut Vector6<f64>) -> Option<Vector6<f64>> {
         let sigma = self.along.fixed_rows::<3>(3).norm();
-        let (mut shorter, mut rise_before) = (0.0, 0.0);
+        let root = |rise: f64| libm::sqrt(rise.max(0.0) / enough);
+        let (mut shorter, mut root_before) = (0.0, 0.0);
         let mut way = SIGMAS;
-        let (mut end, mut rise) = self.floor(side * way, enough)?;
-        for _ in 0..DOUBLINGS {
-            if rise >= enough || way * sigma > FURTHEST {
+        for _ in 0..WALKS {
+            let root_here = root(self.floor(side * way, enough, bend)?);
+            if root_here >= 1.0 {
+                // The root of the sum rises about evenly.
+                let share = (1.0 - root_before) / (root_here - root_before);
+                way = (shorter + share * (way - shorter)).max(SIGMAS);
                 break;
             }
-            (shorter, rise_before) = (way, rise);
-            way *= 2.0;
-            (end, rise) = self.floor(side * way, enough)?;
+            if way * sigma > FURTHEST {
+                break;
+            }
+            (shorter, root_before) = (way, root_here);
+            way = (way / root_here).min(2.0 * way);
+            if way < NEAR * shorter {
+                break;
+            }
         }
-        if rise > enough && shorter > 0.0 {
-            // The root of the sum rises about evenly.
-            let root = |rise: f64| libm::sqrt(rise.max(0.0));
-            let share = (root(enough) - root(rise_before)) / (root(rise) - root(rise_before));
-            (end, _) = self.floor(side * (shorter + share * (way - shorter)), enough)?;
-        }
-        Some(difference(&end, &self.fit.pose))
+        Some(self.at(side * way, bend))
     }
 
-    /// The lowest pose with the turn at so many standard deviations, and by how much the sum of squares is
-    /// higher. To a share of what is `enough`.
-    fn floor(&self, sigmas: f64, enough: f64) -> Option<(Pose, f64)> {
-        let mut pose = moved(&self.fit.pose, &(self.along * sigmas));
+    /// The way along the valley to so many standard deviations.
+    fn at(&self, sigmas: f64, bend: &Vector6<f64>) -> Vector6<f64> {
+        self.along * sigmas + bend * (sigmas * sigmas)
+    }
+
+    /// By how much the sum of squares is higher at the lowest pose with the turn at so many standard
+    /// deviations, to a share of what is `enough`; and how the valley bends to get there.
+    fn floor(&self, sigmas: f64, enough: f64, bend: &mut Vector6<f64>) -> Option<f64> {
+        let mut pose = moved(&self.fit.pose, &self.at(sigmas, bend));
         let mut rise = 0.0;
         for _ in 0..=DESCENTS {
             let here = linearise(self.problem, self.used, &pose)?;
@@ -103,7 +117,9 @@ impl Valley<'_> {
                 break;
             }
         }
-        Some((pose.orthonormalised(), rise))
+        let way = difference(&pose.orthonormalised(), &self.fit.pose);
+        *bend = (way - self.along * sigmas) / (sigmas * sigmas);
+        Some(rise)
     }
 }
 
