@@ -5,6 +5,8 @@ use core::fmt;
 
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
+use crate::number::Number;
+
 /// K and distortion, in the order and direction of OpenCV and the Caltech toolbox: the polynomial takes the
 /// ideal normalised point to the distorted one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,12 +54,12 @@ const WAY_POINTS: u32 = 32;
 
 /// The distorted point and the derivative of the distortion, which is symmetric.
 #[derive(Clone, Copy)]
-struct Distorted {
-    x: f64,
-    y: f64,
-    xx: f64,
-    xy: f64,
-    yy: f64,
+struct Distorted<N = f64> {
+    x: N,
+    y: N,
+    xx: N,
+    xy: N,
+    yy: N,
 }
 
 impl Distorted {
@@ -68,11 +70,11 @@ impl Distorted {
 
 /// A pixel with its derivative by the point in camera coordinates.
 #[derive(Clone, Copy)]
-pub(crate) struct Linearised {
-    pub(crate) at: [f64; 2],
+pub(crate) struct Linearised<N = f64> {
+    pub(crate) at: [N; 2],
     /// Rows: by X, Y, Z; px/mm.
-    pub(crate) du: [f64; 3],
-    pub(crate) dv: [f64; 3],
+    pub(crate) du: [N; 3],
+    pub(crate) dv: [N; 3],
 }
 
 impl Lens {
@@ -89,7 +91,7 @@ impl Lens {
     /// # Errors
     /// The point is behind the camera, not finite, or where the distortion is not invertible.
     pub fn project(&self, point: &Vector3<f64>) -> Result<[f64; 2], LensError> {
-        self.linearise(point.x, point.y, point.z).map(|l| l.at)
+        self.linearise([point.x, point.y, point.z]).map(|l| l.at)
     }
 
     /// The pixel of a point in camera coordinates (mm) with its derivative by that point, px/mm.
@@ -100,7 +102,7 @@ impl Lens {
         &self,
         point: &Vector3<f64>,
     ) -> Result<([f64; 2], Matrix2x3<f64>), LensError> {
-        let l = self.linearise(point.x, point.y, point.z)?;
+        let l = self.linearise([point.x, point.y, point.z])?;
         let [a, b, c] = l.du;
         let [d, e, f] = l.dv;
         Ok((l.at, Matrix2x3::new(a, b, c, d, e, f)))
@@ -157,35 +159,37 @@ impl Lens {
         let focal = self.focal[0].max(self.focal[1]);
         let tolerance = ROUND_TRIP_PX / focal;
         // NaN fails the comparison and is refused with the rest.
-        if error <= tolerance * tolerance && self.is_invertible(x, y, &here) {
+        if error <= tolerance * tolerance && self.is_invertible(x, y) {
             Ok([x, y])
         } else {
             Err(LensError::NotInvertible)
         }
     }
 
-    /// The pixel of a camera point and its derivative, on plain numbers: the inner loop of the refinement.
+    /// The pixel of a camera point, or of several, with its derivative: the inner loop of the refinement.
     #[inline(always)]
-    pub(crate) fn linearise(&self, px: f64, py: f64, pz: f64) -> Result<Linearised, LensError> {
-        if !(px.is_finite() && py.is_finite() && pz.is_finite()) {
+    pub(crate) fn linearise<N: Number>(&self, [px, py, pz]: [N; 3]) -> Result<Linearised<N>, LensError> {
+        // A sum is finite where all of it is.
+        if !(px + py + pz).are_finite() {
             return Err(LensError::NotFinite);
         }
-        if pz <= 0.0 {
+        if !pz.are_above(0.0) {
             return Err(LensError::Behind);
         }
-        let w = 1.0 / pz;
+        let w = N::of(1.0) / pz;
         let (x, y) = (px * w, py * w);
         let d = self.distort(x, y);
-        if !self.is_invertible(x, y, &d) {
+        if !self.is_invertible(x, y) {
             return Err(LensError::NotInvertible);
         }
-        let [fx, fy] = self.focal;
-        let ux = fx * d.xx + self.skew * d.xy;
-        let uy = fx * d.xy + self.skew * d.yy;
+        let ([fx, fy], skew) = (self.focal.map(N::of), N::of(self.skew));
+        let ux = fx * d.xx + skew * d.xy;
+        let uy = fx * d.xy + skew * d.yy;
         let vx = fy * d.xy;
         let vy = fy * d.yy;
+        let principal = self.principal.map(N::of);
         Ok(Linearised {
-            at: [fx * d.x + self.skew * d.y + self.principal[0], fy * d.y + self.principal[1]],
+            at: [fx * d.x + skew * d.y + principal[0], fy * d.y + principal[1]],
             du: [ux * w, uy * w, -(ux * x + uy * y) * w],
             dv: [vx * w, vy * w, -(vx * x + vy * y) * w],
         })
@@ -213,38 +217,39 @@ impl Lens {
     }
 
     #[inline(always)]
-    fn distort(&self, x: f64, y: f64) -> Distorted {
-        let [k1, k2, p1, p2, k3] = self.distortion;
+    fn distort<N: Number>(&self, x: N, y: N) -> Distorted<N> {
+        let [k1, k2, p1, p2, k3] = self.distortion.map(N::of);
+        let [one, two, three, six] = [1.0, 2.0, 3.0, 6.0].map(N::of);
         let (x2, y2, xy) = (x * x, y * y, x * y);
         let r2 = x2 + y2;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let radial = one + r2 * (k1 + r2 * (k2 + r2 * k3));
         // Twice the derivative of `radial` by r2.
-        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3)));
+        let slope = two * (k1 + r2 * (two * k2 + r2 * (three * k3)));
         Distorted {
-            x: x * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * x2),
-            y: y * radial + p1 * (r2 + 2.0 * y2) + 2.0 * p2 * xy,
-            xx: radial + slope * x2 + 2.0 * p1 * y + 6.0 * p2 * x,
-            xy: slope * xy + 2.0 * (p1 * x + p2 * y),
-            yy: radial + slope * y2 + 6.0 * p1 * y + 2.0 * p2 * x,
+            x: x * radial + two * p1 * xy + p2 * (r2 + two * x2),
+            y: y * radial + p1 * (r2 + two * y2) + two * p2 * xy,
+            xx: radial + slope * x2 + two * p1 * y + six * p2 * x,
+            xy: slope * xy + two * (p1 * x + p2 * y),
+            yy: radial + slope * y2 + six * p1 * y + two * p2 * x,
         }
     }
 
     /// Whether the distortion is invertible all the way from the axis to the point. Its derivative is
     /// symmetric, so it is one-to-one wherever that is positive definite.
     #[inline(always)]
-    fn is_invertible(&self, x: f64, y: f64, at: &Distorted) -> bool {
-        let [k1, k2, p1, p2, k3] = self.distortion;
-        let r2 = x * x + y * y;
+    fn is_invertible<N: Number>(&self, x: N, y: N) -> bool {
+        let [k1, k2, p1, p2, k3] = self.distortion.map(f64::abs);
+        let (one, r2) = (N::of(1.0), x * x + y * y);
         // The smaller eigenvalue is above this, here and everywhere nearer to the axis (r <= (1 + r^2) / 2).
-        let bound = 1.0
-            - r2 * (3.0 * k1.abs() + r2 * (5.0 * k2.abs() + r2 * (7.0 * k3.abs())))
-            - 3.0 * (p1.abs() + p2.abs()) * (1.0 + r2);
-        bound > 0.0 || (at.is_positive_definite() && self.way_is_invertible(x, y))
+        let bound = one
+            - r2 * (N::of(3.0 * k1) + r2 * (N::of(5.0 * k2) + r2 * N::of(7.0 * k3)))
+            - N::of(3.0 * (p1 + p2)) * (one + r2);
+        bound.are_above(0.0) || N::hold(x, y, |x, y| self.way_is_invertible(x, y))
     }
 
     #[cold]
     fn way_is_invertible(&self, x: f64, y: f64) -> bool {
-        (1..WAY_POINTS).all(|i| {
+        (1..=WAY_POINTS).all(|i| {
             let share = f64::from(i) / f64::from(WAY_POINTS);
             self.distort(share * x, share * y).is_positive_definite()
         })

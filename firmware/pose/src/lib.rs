@@ -30,6 +30,7 @@ mod lens;
 mod linear;
 mod motion;
 mod normal;
+mod number;
 mod p3p;
 mod problem;
 mod refine;

@@ -3,6 +3,10 @@
 
 use nalgebra::Matrix6;
 
+use crate::number::Pair;
+use crate::problem::Row;
+use crate::refine::Derivative;
+
 /// A pivot below this share of its diagonal element means that the unknown is not determined.
 const SINGULAR: f64 = 1e-13;
 
@@ -15,22 +19,36 @@ pub(crate) struct Normal {
     pub(crate) chi2: f64,
 }
 
-impl Normal {
-    pub(crate) fn zero() -> Self {
-        Self { h: [[0.0; 6]; 6], g: [0.0; 6], chi2: 0.0 }
-    }
+/// The sums of a [`Normal`], of every other row and of those between.
+pub(crate) struct Sums {
+    h: [[Pair; 6]; 6],
+    g: [Pair; 6],
+    chi2: Pair,
+}
 
-    /// Adds `a a^T / weight`, where `a` is the derivative of one residual and `wa` the same times its weight.
+impl Sums {
+    pub(crate) const ZERO: Self = Self { h: [[Pair::ZERO; 6]; 6], g: [Pair::ZERO; 6], chi2: Pair::ZERO };
+
+    /// Adds two rows with their derivatives.
     #[inline(always)]
-    pub(crate) fn add(&mut self, [a, b]: [&[f64; 6]; 2], [wa, wb]: [&[f64; 6]; 2], [ra, rb]: [f64; 2]) {
+    pub(crate) fn add(&mut self, of: &Derivative<Pair>, row: &Row<Pair>) {
+        let Derivative { a, b, eu, ev } = of;
+        let (wa, wb) = (a.map(|c| row.weight_u * c), b.map(|c| row.weight_v * c));
         for i in 0..6 {
             for k in i..6 {
                 self.h[i][k] += wa[i] * a[k] + wb[i] * b[k];
             }
-            self.g[i] += wa[i] * ra + wb[i] * rb;
+            self.g[i] += wa[i] * *eu + wb[i] * *ev;
         }
+        self.chi2 += row.weight_u * *eu * *eu + row.weight_v * *ev * *ev;
     }
 
+    pub(crate) fn normal(&self) -> Normal {
+        Normal { h: self.h.map(|row| row.map(Pair::sum)), g: self.g.map(Pair::sum), chi2: self.chi2.sum() }
+    }
+}
+
+impl Normal {
     /// L and D of `H` with its diagonal made larger by the factor `1 + damping`; `None` where `H` is
     /// singular.
     pub(crate) fn factor(&self, damping: f64) -> Option<Factor> {

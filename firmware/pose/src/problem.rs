@@ -5,22 +5,39 @@ use heapless::Vec;
 use crate::geometry::{Observation, Pose};
 use crate::lens::Lens;
 use crate::linear::Basis;
+use crate::number::{Number, Pair};
 use crate::{MAX_CIRCLES, PoseError, Settings};
 
 /// Circles that a pose needs whatever the settings say.
 pub(crate) const MIN_CIRCLES: usize = 4;
 
-/// One observation on plain numbers.
+/// One observation on plain numbers, or several side by side.
 #[derive(Clone, Copy)]
-pub(crate) struct Row {
+pub(crate) struct Row<N = f64> {
     /// mm.
-    pub(crate) point: [f64; 3],
+    pub(crate) point: [N; 3],
     /// px.
-    pub(crate) at: [f64; 2],
+    pub(crate) at: [N; 2],
     /// The inverse covariance as `weight_u e_u^2 + weight_v (e_v - slope e_u)^2`.
-    pub(crate) weight_u: f64,
-    pub(crate) weight_v: f64,
-    pub(crate) slope: f64,
+    pub(crate) weight_u: N,
+    pub(crate) weight_v: N,
+    pub(crate) slope: N,
+}
+
+impl Row<Pair> {
+    /// Two observations side by side; where there is no second one its place counts nothing.
+    #[inline(always)]
+    fn of(first: &Row, second: Option<&Row>) -> Self {
+        let two = [first, second.unwrap_or(first)];
+        let counts = Pair([1.0, if second.is_some() { 1.0 } else { 0.0 }]);
+        Self {
+            point: [0, 1, 2].map(|i| Pair::each(two, |row| row.point[i])),
+            at: [0, 1].map(|i| Pair::each(two, |row| row.at[i])),
+            weight_u: counts * Pair::each(two, |row| row.weight_u),
+            weight_v: counts * Pair::each(two, |row| row.weight_v),
+            slope: Pair::each(two, |row| row.slope),
+        }
+    }
 }
 
 /// The normalised points `(x, y)` of the observations, undistorted.
@@ -86,6 +103,15 @@ impl<'a> Problem<'a> {
         self.rows.iter().enumerate().filter(move |(i, _)| mask >> i & 1 == 1)
     }
 
+    /// The rows of a mask, two at a time.
+    pub(crate) fn pairs(&self, mask: u64) -> impl Iterator<Item = Row<Pair>> {
+        let mut rows = self.masked(mask).map(|(_, row)| row);
+        core::iter::from_fn(move || {
+            let first = rows.next()?;
+            Some(Row::<Pair>::of(first, rows.next()))
+        })
+    }
+
     /// The ray of every observation.
     pub(crate) fn rays(&self) -> Result<Rays, PoseError> {
         let mut rays = Rays::new();
@@ -98,8 +124,7 @@ impl<'a> Problem<'a> {
 
     /// Reprojection error of one row; infinite where the pose puts the circle out of the camera's sight.
     pub(crate) fn error(&self, row: &Row, pose: &Pose) -> Error {
-        let [x, y, z] = camera_point(row, pose);
-        match self.lens.linearise(x, y, z) {
+        match self.lens.linearise(camera_point(row.point, pose)) {
             Ok(l) => {
                 let (eu, ev) = (row.at[0] - l.at[0], row.at[1] - l.at[1]);
                 let across = ev - row.slope * eu;
@@ -120,15 +145,12 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// A row's point in camera coordinates.
+/// A point in camera coordinates, or several at once.
 #[inline(always)]
-pub(crate) fn camera_point(row: &Row, pose: &Pose) -> [f64; 3] {
-    let (r, t, [x, y, z]) = (&pose.rotation, &pose.translation, row.point);
-    [
-        r.m11 * x + r.m12 * y + r.m13 * z + t.x,
-        r.m21 * x + r.m22 * y + r.m23 * z + t.y,
-        r.m31 * x + r.m32 * y + r.m33 * z + t.z,
-    ]
+pub(crate) fn camera_point<N: Number>([x, y, z]: [N; 3], pose: &Pose) -> [N; 3] {
+    let (r, t) = (&pose.rotation, &pose.translation);
+    let along = |[a, b, c]: [f64; 3], t: f64| N::of(a) * x + N::of(b) * y + N::of(c) * z + N::of(t);
+    [along([r.m11, r.m12, r.m13], t.x), along([r.m21, r.m22, r.m23], t.y), along([r.m31, r.m32, r.m33], t.z)]
 }
 
 /// Coordinates above this overflow when they are squared and summed (mm, px).

@@ -5,7 +5,8 @@ use nalgebra::Matrix6;
 
 use crate::PoseError;
 use crate::geometry::Pose;
-use crate::normal::Normal;
+use crate::normal::{Normal, Sums};
+use crate::number::Number;
 use crate::problem::{Problem, Row, camera_point};
 
 /// Evaluations after which it ends in any case.
@@ -74,35 +75,32 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
 
 /// The normal equations at a pose; `None` where a circle is out of the camera's sight.
 pub(crate) fn linearise(problem: &Problem, mask: u64, pose: &Pose) -> Option<Normal> {
-    let mut normal = Normal::zero();
-    for (_, row) in problem.masked(mask) {
-        let Derivative { a, b, eu, ev } = derivative(problem, row, pose)?;
-        let wa = a.map(|c| row.weight_u * c);
-        let wb = b.map(|c| row.weight_v * c);
-        normal.add([&a, &b], [&wa, &wb], [eu, ev]);
-        normal.chi2 += row.weight_u * eu * eu + row.weight_v * ev * ev;
+    let mut sums = Sums::ZERO;
+    for row in problem.pairs(mask) {
+        sums.add(&derivative(problem, &row, pose)?, &row);
     }
+    let normal = sums.normal();
     normal.chi2.is_finite().then_some(normal)
 }
 
 /// The two independent residuals of a row, weighted by `weight_u` and `weight_v`, and what they fall by (v,
 /// w).
-pub(crate) struct Derivative {
-    pub(crate) a: [f64; 6],
-    pub(crate) b: [f64; 6],
-    pub(crate) eu: f64,
-    pub(crate) ev: f64,
+pub(crate) struct Derivative<N = f64> {
+    pub(crate) a: [N; 6],
+    pub(crate) b: [N; 6],
+    pub(crate) eu: N,
+    pub(crate) ev: N,
 }
 
-/// `None` where the circle is out of the camera's sight.
+/// `None` where the circle, or one of several, is out of the camera's sight.
 #[inline(always)]
-pub(crate) fn derivative(problem: &Problem, row: &Row, pose: &Pose) -> Option<Derivative> {
-    let t = &pose.translation;
-    let [x, y, z] = camera_point(row, pose);
-    let l = problem.lens.linearise(x, y, z).ok()?;
+pub(crate) fn derivative<N: Number>(problem: &Problem, row: &Row<N>, pose: &Pose) -> Option<Derivative<N>> {
+    let t = pose.translation;
+    let [x, y, z] = camera_point(row.point, pose);
+    let l = problem.lens.linearise([x, y, z]).ok()?;
     // Turning moves the point by w x (R p): the derivative by w is (R p) x (derivative by the point).
-    let arm = [x - t.x, y - t.y, z - t.z];
-    let turned = |d: &[f64; 3]| {
+    let arm = [x - N::of(t.x), y - N::of(t.y), z - N::of(t.z)];
+    let turned = |d: &[N; 3]| {
         [arm[1] * d[2] - arm[2] * d[1], arm[2] * d[0] - arm[0] * d[2], arm[0] * d[1] - arm[1] * d[0]]
     };
     let s = row.slope;
@@ -115,4 +113,53 @@ pub(crate) fn derivative(problem: &Problem, row: &Row, pose: &Pose) -> Option<De
         eu,
         ev: row.at[1] - l.at[1] - s * eu,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use heapless::Vec;
+    use nalgebra::{Matrix3, Vector3};
+
+    use super::*;
+    use crate::{Centre, Lens, Observation, Settings};
+
+    /// Rounding in sums of a few numbers.
+    const ROUNDING: f64 = 1e-12;
+
+    #[test]
+    fn circles_taken_two_at_a_time_add_up_to_what_each_adds_alone() {
+        let lens = Lens {
+            focal: [1400.0, 1410.0],
+            skew: 0.3,
+            principal: [950.0, 540.0],
+            distortion: [-0.07, 0.04, 4e-4, -3e-4, 0.01],
+        };
+        let observations: Vec<Observation, 7> = (0..7)
+            .map(|i| Observation {
+                point: Vector3::new(f64::from(i % 3) * 90.0, f64::from(i) * 40.0, f64::from(i * i) * 7.0),
+                centre: Centre {
+                    at: [600.0 + 70.0 * f64::from(i), 500.0 - 31.0 * f64::from(i * i % 5)],
+                    covariance: [1e-4, 3e-5 * f64::from(i % 2), 2e-4],
+                },
+            })
+            .collect();
+        let settings = Settings::default();
+        let problem = Problem::new(&observations, &lens, &settings).expect("a sound problem");
+        let pose = Pose { rotation: Matrix3::identity(), translation: Vector3::new(-150.0, 20.0, 1900.0) };
+        // An even and an odd number of circles, with gaps.
+        for mask in [0b111_1111, 0b101_1011, 0b1, 0b100_0001] {
+            let pairs = linearise(&problem, mask, &pose).expect("all circles are in sight");
+            let (mut chi2, mut g) = (0.0, [0.0; 6]);
+            for (_, row) in problem.masked(mask) {
+                let one = derivative(&problem, row, &pose).expect("the circle is in sight");
+                chi2 += row.weight_u * one.eu * one.eu + row.weight_v * one.ev * one.ev;
+                for i in 0..6 {
+                    g[i] += row.weight_u * one.a[i] * one.eu + row.weight_v * one.b[i] * one.ev;
+                }
+            }
+            assert!((pairs.chi2 / chi2 - 1.0).abs() < ROUNDING, "{mask:b}");
+            let largest = g.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            (0..6).for_each(|i| assert!((pairs.g[i] - g[i]).abs() < ROUNDING * largest, "{mask:b}"));
+        }
+    }
 }
