@@ -3,6 +3,8 @@
 //! The median commutes with a threshold, so the 3x3 median of the grey window, thresholded, is the majority
 //! of nine bits: 64 pixels at a time, by adders of single bits.
 
+use multiversion::multiversion;
+
 use crate::MAX_SIDE;
 use crate::loader::View;
 
@@ -155,6 +157,7 @@ fn below(block: &[u8; 64], threshold: u8) -> u64 {
 
 /// Bit 2 k of column j says whether byte 16 k + j is below `threshold`. Not inlined: so the compiler compares
 /// sixteen bytes at a time.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn compare(block: &[u8; 64], threshold: u8, columns: &mut [u8; 16]) {
     let (rows, _) = block.as_chunks::<16>();

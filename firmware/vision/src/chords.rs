@@ -1,5 +1,7 @@
 //! Which pixels of a row lie in a belt about an ellipse, for a block of rows at once.
 
+use multiversion::multiversion;
+
 use crate::lanes::inverse_sqrt;
 use crate::patch::Belt;
 
@@ -61,34 +63,35 @@ impl Chords {
         let row = |y: f32| rounded(if y > 0.0 { y } else { 0.0 }) as usize;
         (row(self.centre[1] - reach + 0.5), row(self.centre[1] + reach + 0.5).min(height))
     }
+}
 
-    /// The pixels of rows `first`, `first + every` and so on. Not inlined: so the compiler makes one loop
-    /// over whole vectors of it.
-    #[inline(never)]
-    pub(crate) fn cross(&self, first: usize, every: usize, spans: &mut Spans) {
-        let (first, every) = (first as i32 as f32 - self.centre[1], every as i32 as f32);
-        for i in 0..ROWS {
-            let dy = first + every * (i as i32 as f32);
-            // Half the chord that the row cuts out of each ellipse; none where it passes by.
-            let half = |square: f32| {
-                let rest = square - dy * dy;
-                let rest = if rest > 0.0 { rest } else { 0.0 };
-                rest * inverse_sqrt(rest) * self.per_q0
-            };
-            let (from, to) = (half(self.squares[0]), half(self.squares[1]));
-            let middle = self.centre[0] + self.lean * dy + 0.5;
-            let column = |x: f32| {
-                let x = if x > 0.0 { x } else { 0.0 };
-                rounded(if x < self.width { x } else { self.width })
-            };
-            let is_gap = 2.0 * from > WORTHWHILE_PX;
-            let end = middle + to;
-            // Rounded up and down: what lies nearer to a belt's edge than a pixel hardly counts.
-            spans.0[0][i] = column(middle - to);
-            spans.0[1][i] = column(if is_gap { middle - from } else { end });
-            spans.0[2][i] = column(if is_gap { middle + from } else { end });
-            spans.0[3][i] = column(end);
-        }
+/// The pixels of rows `first`, `first + every` and so on. Not inlined: so the compiler makes one loop
+/// over whole vectors of it.
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+pub(crate) fn cross(chords: &Chords, first: usize, every: usize, spans: &mut Spans) {
+    let (first, every) = (first as i32 as f32 - chords.centre[1], every as i32 as f32);
+    for i in 0..ROWS {
+        let dy = first + every * (i as i32 as f32);
+        // Half the chord that the row cuts out of each ellipse; none where it passes by.
+        let half = |square: f32| {
+            let rest = square - dy * dy;
+            let rest = if rest > 0.0 { rest } else { 0.0 };
+            rest * inverse_sqrt(rest) * chords.per_q0
+        };
+        let (from, to) = (half(chords.squares[0]), half(chords.squares[1]));
+        let middle = chords.centre[0] + chords.lean * dy + 0.5;
+        let column = |x: f32| {
+            let x = if x > 0.0 { x } else { 0.0 };
+            rounded(if x < chords.width { x } else { chords.width })
+        };
+        let is_gap = 2.0 * from > WORTHWHILE_PX;
+        let end = middle + to;
+        // Rounded up and down: what lies nearer to a belt's edge than a pixel hardly counts.
+        spans.0[0][i] = column(middle - to);
+        spans.0[1][i] = column(if is_gap { middle - from } else { end });
+        spans.0[2][i] = column(if is_gap { middle + from } else { end });
+        spans.0[3][i] = column(end);
     }
 }
 
@@ -112,7 +115,7 @@ mod tests {
             let (first, last) = chords.rows(60);
             for row in (0..60).step_by(2) {
                 if row / 2 % ROWS == 0 {
-                    chords.cross(row, 2, &mut spans);
+                    cross(&chords, row, 2, &mut spans);
                 }
                 for column in 0..60 {
                     let [(a, b), (c, d)] = spans.of(row / 2 % ROWS);
@@ -137,7 +140,7 @@ mod tests {
     fn spans_end_where_the_picture_does() {
         let chords = Chords::new([2.0, 50.0], [1.0, 0.0, 1.0], &Belt::whole(8.0), 7);
         let mut spans = Spans::EMPTY;
-        chords.cross(50, 1, &mut spans);
+        cross(&chords, 50, 1, &mut spans);
         assert_eq!(spans.of(0), [(0, 7), (7, 7)]);
         assert_eq!(spans.of(ROWS - 1).map(|(from, to)| to - from), [0, 0]);
         assert_eq!(chords.rows(53), (42, 53));

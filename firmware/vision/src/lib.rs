@@ -6,7 +6,7 @@
     reason = "loops over the columns of a block read best with the index of the pixel"
 )]
 
-#[cfg(test)]
+#[cfg(any(test, feature = "avx2"))]
 extern crate std;
 
 mod acquire;

@@ -3,6 +3,7 @@
 //! Detection works on the top 8 bits of a window, the sub-pixel step on all bits of the ring's surroundings.
 
 use gangway_device::{Frame, Layout};
+use multiversion::multiversion;
 
 use crate::MAX_SIDE;
 
@@ -159,6 +160,7 @@ fn thin(bytes: &[u8], width: usize, into: &mut [u8; MAX_SIDE]) -> bool {
 
 /// Takes the first of each two bytes. Not inlined, and as the low half of a word: so the compiler packs whole
 /// vectors.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn halve(bytes: &[u8; 2 * CHUNK], into: &mut [u8; CHUNK]) {
     for (to, pair) in into.iter_mut().zip(bytes.as_chunks::<2>().0) {

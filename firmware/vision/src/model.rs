@@ -1,6 +1,8 @@
 //! The model ring: an elliptic ring with blurred edges on white that may slope, and what its pixels say of
 //! its centre.
 
+use multiversion::multiversion;
+
 use crate::edge::edge;
 use crate::lanes::{BLOCK, Column, Lanes, RUNS, inverse_sqrt};
 use crate::length;
@@ -185,58 +187,11 @@ impl Kernel {
         }
     }
 
-    /// Where pixels are, about a centre. Not inlined, as [`Self::compare`]: so the compiler makes one loop
-    /// over whole vectors of it; and two loops, so that a processor has several turns of either under way.
-    #[inline(never)]
-    fn place(&self, centre: [f32; 2], columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
-        for i in 0..BLOCK {
-            let (du, dv) = (f32::from(columns[i]) - centre[0], f32::from(rows[i]) - centre[1]);
-            let (x, y) = (self.root[0] * du + self.root[1] * dv, self.root[1] * du + self.root[2] * dv);
-            let square = x * x + y * y;
-            let per_radius = inverse_sqrt(square);
-            (places.x[i], places.y[i]) = (x * per_radius, y * per_radius);
-            places.radius[i] = square * per_radius;
-        }
-    }
-
-    /// Pixels of the belt of edge `near`, which see the other one only with `OVERLAP`.
-    #[inline(never)]
-    fn compare<const CLIPPED: bool, const OVERLAP: bool>(
-        &self,
-        near: usize,
-        places: &Places,
-        values: &[u16; BLOCK],
-        pixels: &mut Pixels,
-    ) {
-        let (near, far) = (self.edges[near & 1], self.edges[1 - (near & 1)]);
-        // By how much the other edge darkens the middle between the levels of this one.
-        let between = if OVERLAP { 1.0 } else { 1.0 - 0.5 * self.depth };
-        for i in 0..BLOCK {
-            let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
-            let per_width = self.per_width[0] + y * (self.per_width[1] * x + self.per_width[2] * y);
-            let (mut steep, height) = edge((radius - near.radius) * per_width);
-            let mut by_white = between + near.rise * height;
-            if OVERLAP {
-                let moved = near.to_other[0] * x + near.to_other[1] * y;
-                let (far_steep, far_height) = edge((radius - far.radius - moved) * per_width);
-                steep -= far_steep;
-                by_white += far.rise * far_height;
-            }
-            let white = self.white + (self.slope[0] * x + self.slope[1] * y) * radius;
-            let model = white * by_white;
-            let counts = if !CLIPPED || model < self.saturated { 1.0 } else { 0.0 };
-            pixels.residual[i] = f32::from(values[i]) - model;
-            pixels.steep[i] = steep * counts;
-            pixels.weight[i] = self.weight[0] - self.weight[1] * by_white;
-            pixels.by_white[i] = by_white * counts;
-        }
-    }
-
     /// Adds pixels to the profile about the middle of both edges.
     pub(crate) fn collect(&self, patch: &Patch, part: Part, profile: &mut Profile) {
         let mut places = Places::new();
         for ((columns, rows, values), count) in patch.blocks(part) {
-            self.place(self.middle, columns, rows, &mut places);
+            place(self, self.middle, columns, rows, &mut places);
             places.forget_from(count);
             profile.add(&places, values);
         }
@@ -254,12 +209,12 @@ impl Kernel {
         let mut sums = [Lanes::ZERO; SUMS];
         let centre = self.edges[edge & 1].centre;
         for ((columns, rows, values), count) in patch.blocks(belt) {
-            self.place(centre, columns, rows, &mut places);
+            place(self, centre, columns, rows, &mut places);
             match (self.saturated < f32::INFINITY, self.overlap) {
-                (false, false) => self.compare::<false, false>(edge, &places, values, &mut pixels),
-                (false, true) => self.compare::<false, true>(edge, &places, values, &mut pixels),
-                (true, false) => self.compare::<true, false>(edge, &places, values, &mut pixels),
-                (true, true) => self.compare::<true, true>(edge, &places, values, &mut pixels),
+                (false, false) => compare::<false, false>(self, edge, &places, values, &mut pixels),
+                (false, true) => compare::<false, true>(self, edge, &places, values, &mut pixels),
+                (true, false) => compare::<true, false>(self, edge, &places, values, &mut pixels),
+                (true, true) => compare::<true, true>(self, edge, &places, values, &mut pixels),
             }
             pixels.forget_from(count);
             add_pixels(&places, &pixels, &mut sums);
@@ -279,7 +234,57 @@ impl Kernel {
     }
 }
 
+/// Where pixels are, about a centre. Not inlined, as [`compare`]: so the compiler makes one loop
+/// over whole vectors of it; and two loops, so that a processor has several turns of either under way.
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+fn place(kernel: &Kernel, centre: [f32; 2], columns: &[u8; BLOCK], rows: &[u8; BLOCK], places: &mut Places) {
+    for i in 0..BLOCK {
+        let (du, dv) = (f32::from(columns[i]) - centre[0], f32::from(rows[i]) - centre[1]);
+        let (x, y) = (kernel.root[0] * du + kernel.root[1] * dv, kernel.root[1] * du + kernel.root[2] * dv);
+        let square = x * x + y * y;
+        let per_radius = inverse_sqrt(square);
+        (places.x[i], places.y[i]) = (x * per_radius, y * per_radius);
+        places.radius[i] = square * per_radius;
+    }
+}
+
+/// Pixels of the belt of edge `near`, which see the other one only with `OVERLAP`.
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+fn compare<const CLIPPED: bool, const OVERLAP: bool>(
+    kernel: &Kernel,
+    near: usize,
+    places: &Places,
+    values: &[u16; BLOCK],
+    pixels: &mut Pixels,
+) {
+    let (near, far) = (kernel.edges[near & 1], kernel.edges[1 - (near & 1)]);
+    // By how much the other edge darkens the middle between the levels of this one.
+    let between = if OVERLAP { 1.0 } else { 1.0 - 0.5 * kernel.depth };
+    for i in 0..BLOCK {
+        let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
+        let per_width = kernel.per_width[0] + y * (kernel.per_width[1] * x + kernel.per_width[2] * y);
+        let (mut steep, height) = edge((radius - near.radius) * per_width);
+        let mut by_white = between + near.rise * height;
+        if OVERLAP {
+            let moved = near.to_other[0] * x + near.to_other[1] * y;
+            let (far_steep, far_height) = edge((radius - far.radius - moved) * per_width);
+            steep -= far_steep;
+            by_white += far.rise * far_height;
+        }
+        let white = kernel.white + (kernel.slope[0] * x + kernel.slope[1] * y) * radius;
+        let model = white * by_white;
+        let counts = if !CLIPPED || model < kernel.saturated { 1.0 } else { 0.0 };
+        pixels.residual[i] = f32::from(values[i]) - model;
+        pixels.steep[i] = steep * counts;
+        pixels.weight[i] = kernel.weight[0] - kernel.weight[1] * by_white;
+        pixels.by_white[i] = by_white * counts;
+    }
+}
+
 /// Not inlined, with a copy of the sums: so the compiler keeps them in vectors.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn add_pixels(places: &Places, pixels: &Pixels, sums: &mut [Lanes; SUMS]) {
     let mut sum = *sums;

@@ -3,7 +3,7 @@
 use gangway_device::Frame;
 
 use crate::MAX_SIDE;
-use crate::chords::{Chords, ROWS, Spans};
+use crate::chords::{Chords, ROWS, Spans, cross};
 use crate::lanes::BLOCK;
 use crate::loader::{CHUNK, LINE, Line, Rect, Rows};
 
@@ -100,7 +100,7 @@ impl Patch {
         let mut spans = Spans::EMPTY;
         let mut row = first.next_multiple_of(every);
         while row < last {
-            chords.cross(row, every, &mut spans);
+            cross(&chords, row, every, &mut spans);
             let count = ROWS.min((last - row).div_ceil(every));
             let taken = self.take_lines(&rows, (row, every), count, &spans);
             for i in taken..count {

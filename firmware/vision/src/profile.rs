@@ -6,6 +6,8 @@
 
 mod disc;
 
+use multiversion::multiversion;
+
 use crate::edge::{HALF_WIDTH, PEAK, edge};
 use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
 
@@ -254,7 +256,7 @@ impl Profile {
             let columns = self.radius.as_chunks().0.iter().zip(self.value.as_chunks().0);
             let blocks = columns.zip(self.count.as_chunks().0);
             for (((radius, value), count), first) in blocks.zip((0..rings).step_by(BLOCK)) {
-                kernel.compare(radius, value, count, limits, &mut terms);
+                compare(&kernel, radius, value, count, limits, &mut terms);
                 add_products::<0, 2, UPPER_SUMS>(&terms, rings - first, &mut upper);
                 add_products::<2, EVEN, LOWER_SUMS>(&terms, rings - first, &mut lower);
             }
@@ -290,7 +292,7 @@ impl Profile {
         let mut sums = Sides { squares: [Lanes::ZERO; 3], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
         let mut rings = Rings::new();
         for first in (0..self.used).step_by(BLOCK) {
-            kernel.weigh_rings(first, (white_from, saturated), &mut rings);
+            weigh_rings(&kernel, first, (white_from, saturated), &mut rings);
             for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
                 if let Some(cells) = block(cells, first) {
                     add_sides(cells, &rings, quadrant, &mut sums.squares);
@@ -371,6 +373,7 @@ fn block(cells: &[u64; RINGS], first: usize) -> Option<&[u64; BLOCK]> {
 }
 
 /// Not inlined, as [`sort`]: so the compiler makes one loop over whole vectors of it.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 3]) {
     for i in 0..RUNS {
@@ -390,6 +393,7 @@ fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squ
 }
 
 /// The cell of every pixel and what it adds to its lower and upper half.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn sort(places: &Places, values: &[u16; BLOCK], cells: &mut [u32; BLOCK], more: &mut [[u32; 2]; BLOCK]) {
     for i in 0..BLOCK {
@@ -447,61 +451,64 @@ impl Kernel {
     fn reach(&self) -> f32 {
         REACH_PX * (self.contrast * PEAK as f32 * self.per_width).max(0.0)
     }
+}
 
-    /// What the rings of cells from number `first` on have in common.
-    #[inline(never)]
-    fn weigh_rings(&self, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
-        let (depth, white_from, saturated) =
-            (self.contrast / self.white, white_from as f32, saturated as f32);
-        let per_px = self.contrast * PEAK as f32 * self.per_width;
-        let (per_part, reach) = (per_px / (PER_PX * PARTS as f32), self.reach());
-        for i in 0..BLOCK {
-            // The middle of the cells.
-            let radius = ((first + i) as i32 as f32 + 0.5) / PER_PX;
-            let (outer, inner, covered) = self.at(radius);
-            let model = self.white - self.contrast * covered;
-            let by_part = per_part * (outer - inner);
-            let brightest = model + reach * (outer + inner);
-            let counts = if brightest < saturated { 1.0 } else { 0.0 };
-            rings.model[i] = model - 0.5 * PARTS as f32 * by_part;
-            rings.by_part[i] = by_part;
-            rings.steep[i] = (inner - outer) * counts;
-            rings.slope[i] = radius * (1.0 - depth * covered) * counts;
-            rings.white[i] = if radius > white_from { rings.slope[i] } else { 0.0 };
-        }
+/// What the rings of cells from number `first` on have in common.
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+fn weigh_rings(kernel: &Kernel, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
+    let (depth, white_from, saturated) =
+        (kernel.contrast / kernel.white, white_from as f32, saturated as f32);
+    let per_px = kernel.contrast * PEAK as f32 * kernel.per_width;
+    let (per_part, reach) = (per_px / (PER_PX * PARTS as f32), kernel.reach());
+    for i in 0..BLOCK {
+        // The middle of the cells.
+        let radius = ((first + i) as i32 as f32 + 0.5) / PER_PX;
+        let (outer, inner, covered) = kernel.at(radius);
+        let model = kernel.white - kernel.contrast * covered;
+        let by_part = per_part * (outer - inner);
+        let brightest = model + reach * (outer + inner);
+        let counts = if brightest < saturated { 1.0 } else { 0.0 };
+        rings.model[i] = model - 0.5 * PARTS as f32 * by_part;
+        rings.by_part[i] = by_part;
+        rings.steep[i] = (inner - outer) * counts;
+        rings.slope[i] = radius * (1.0 - depth * covered) * counts;
+        rings.white[i] = if radius > white_from { rings.slope[i] } else { 0.0 };
     }
+}
 
-    /// Not inlined: so the compiler makes one loop over whole vectors of it.
-    #[inline(never)]
-    fn compare(
-        &self,
-        radius: &Column,
-        value: &Column,
-        count: &Column,
-        (end, saturated): (f32, f32),
-        terms: &mut Terms,
-    ) {
-        let per_px = self.contrast * PEAK as f32 * self.per_width;
-        let reach = self.reach();
-        for i in 0..BLOCK {
-            let (outer, inner, covered) = self.at(radius[i]);
-            let by_outer = -per_px * outer;
-            let by_inner = per_px * inner;
-            let width = by_outer * (radius[i] - self.outer) + by_inner * (radius[i] - self.inner);
-            terms.rows[0][i] = 1.0;
-            terms.rows[1][i] = -covered;
-            terms.rows[2][i] = by_outer;
-            terms.rows[3][i] = by_inner;
-            terms.rows[4][i] = width * self.per_width;
-            let brightest = value[i] + reach * (outer + inner);
-            terms.count[i] = if (radius[i] < end) & (brightest < saturated) { count[i] } else { 0.0 };
-            terms.residual[i] = value[i] - (self.white - self.contrast * covered);
-        }
+/// Not inlined: so the compiler makes one loop over whole vectors of it.
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+fn compare(
+    kernel: &Kernel,
+    radius: &Column,
+    value: &Column,
+    count: &Column,
+    (end, saturated): (f32, f32),
+    terms: &mut Terms,
+) {
+    let per_px = kernel.contrast * PEAK as f32 * kernel.per_width;
+    let reach = kernel.reach();
+    for i in 0..BLOCK {
+        let (outer, inner, covered) = kernel.at(radius[i]);
+        let by_outer = -per_px * outer;
+        let by_inner = per_px * inner;
+        let width = by_outer * (radius[i] - kernel.outer) + by_inner * (radius[i] - kernel.inner);
+        terms.rows[0][i] = 1.0;
+        terms.rows[1][i] = -covered;
+        terms.rows[2][i] = by_outer;
+        terms.rows[3][i] = by_inner;
+        terms.rows[4][i] = width * kernel.per_width;
+        let brightest = value[i] + reach * (outer + inner);
+        terms.count[i] = if (radius[i] < end) & (brightest < saturated) { count[i] } else { 0.0 };
+        terms.residual[i] = value[i] - (kernel.white - kernel.contrast * covered);
     }
 }
 
 /// Rows `FROM` up to `TO` of the normal equations, by the first `rings` of a block. Not inlined, with a copy
 /// of the sums: so the compiler keeps them in vectors.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn add_products<const FROM: usize, const TO: usize, const N: usize>(
     terms: &Terms,

@@ -4,6 +4,7 @@
 use core::ops::Range;
 
 use gangway_device::Frame;
+use multiversion::multiversion;
 
 use crate::acquire::DIAMETERS_PX;
 use crate::bits::transposed;
@@ -171,12 +172,14 @@ fn is_pattern(low: u8, high: u8, least: u8) -> bool {
 }
 
 /// Least sample of a block. Not inlined, as `most`: so the compiler takes sixteen bytes at a time.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn least(block: &[u8; BLOCK]) -> u8 {
     block.iter().fold(u8::MAX, |least, sample| least.min(*sample))
 }
 
 /// Greatest sample of a block.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn most(block: &[u8; BLOCK]) -> u8 {
     block.iter().fold(0, |most, sample| most.max(*sample))
@@ -193,6 +196,7 @@ fn below(word: &[u8; 64], thresholds: &[u8; BLOCKS_A_WORD]) -> u64 {
 
 /// Bit 2 k of column j says whether byte 16 k + j is below its threshold. Not inlined: so the compiler
 /// compares sixteen bytes at a time.
+#[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
 fn compare(word: &[u8; 64], thresholds: &[u8; BLOCKS_A_WORD], columns: &mut [u8; 16]) {
     let (rows, _) = word.as_chunks::<16>();
