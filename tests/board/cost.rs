@@ -32,7 +32,7 @@ fn a_box_at_1080p_stays_within_its_memory() {
     // The kernel's buffers are of the device; with the program's own memory they are what the box takes.
     let job = format!(
         "insmod /modules/v4l2loopback.ko devices=1 video_nr=0 max_buffers=4
-        feed /dev/video0 /frames.raw 1920 1080 {RATE_HZ} /tmp/go &
+        feed /dev/video0 /frames.raw GREY 1920 1080 {RATE_HZ} /tmp/go &
         FEED=$!
         sleep 1
         gangway-pi run --setup /setup.toml --to file:/tmp/box.gw & BOX=$!

@@ -6,6 +6,7 @@ mod camera_faults;
 mod card;
 mod cost;
 mod formats;
+mod packed;
 mod pins;
 mod receiver;
 mod said;

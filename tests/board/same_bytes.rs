@@ -12,8 +12,16 @@ use crate::said::Said;
 use crate::show::{RATE_HZ, Show, job};
 
 /// The same frames with the same numbers and times through a bench, with the capture's name in the folder.
-fn replay(mut bench: Command, show: &Show, said: &Said, first: u32, folder: &Path, name: &str) -> Said {
-    let mut y4m = format!("YUV4MPEG2 W{} H{} F{RATE_HZ}:1 Cmono\n", 800, 450).into_bytes();
+pub(crate) fn replay(
+    mut bench: Command,
+    show: &Show,
+    said: &Said,
+    first: u32,
+    folder: &Path,
+    name: &str,
+) -> Said {
+    let depth = if show.bits > 8 { show.bits.to_string() } else { String::new() };
+    let mut y4m = format!("YUV4MPEG2 W{} H{} F{RATE_HZ}:1 Cmono{depth}\n", 800, 450).into_bytes();
     let mut times = String::from("frame,time_ns\n");
     for (number, (time_ns, _, _)) in &said.poses {
         y4m.extend_from_slice(b"FRAME\n");
@@ -35,7 +43,7 @@ fn replay(mut bench: Command, show: &Show, said: &Said, first: u32, folder: &Pat
 }
 
 /// Every pose, every centre and the rest pose are the same bytes.
-fn assert_same(one: &Said, other: &Said) {
+pub(crate) fn assert_same(one: &Said, other: &Said) {
     for (frame, (_, _, body)) in &one.poses {
         assert_eq!(other.poses.get(frame).map(|(_, _, body)| body), Some(body), "pose of frame {frame}");
         assert_eq!(other.markers.get(frame), one.markers.get(frame), "markers of frame {frame}");

@@ -13,17 +13,24 @@ pub(crate) struct Show {
     pub(crate) ride: Ride,
     pub(crate) setup: String,
     pub(crate) raw: Vec<u8>,
+    pub(crate) bits: u8,
 }
 
 impl Show {
     pub(crate) fn new(more: &str) -> Self {
+        Self::of_depth(8, more)
+    }
+
+    /// The ride by a sensor of so many bits; with more than 8 a sample takes two bytes, little-endian.
+    pub(crate) fn of_depth(bits: u8, more: &str) -> Self {
         let scene =
-            Scene::parse(include_str!("../scenes/short.toml"), "short.toml").expect("the scene is right");
+            include_str!("../scenes/short.toml").replace("[sensor]", &format!("[sensor]\nbits = {bits}"));
+        let scene = Scene::parse(&scene, "short.toml").expect("the scene is right");
         let ride = Ride::of(&scene);
         let setup = scene.setup_text().replace("rate_hz = 50.0", &format!("rate_hz = {RATE_HZ}.0"));
         assert!(setup.contains(&format!("rate_hz = {RATE_HZ}.0")), "{setup}");
         let raw = ride.frames.concat();
-        Self { ride, setup: format!("{setup}\n{more}"), raw }
+        Self { ride, setup: format!("{setup}\n{more}"), raw, bits }
     }
 
     pub(crate) fn boot(&self, job: &str) -> Guest {
@@ -54,7 +61,7 @@ impl Show {
 pub(crate) fn camera() -> String {
     format!(
         "insmod /modules/v4l2loopback.ko devices=1 video_nr=0 max_buffers=8
-        feed /dev/video0 /frames.raw 800 450 {RATE_HZ} /tmp/go &
+        feed /dev/video0 /frames.raw GREY 800 450 {RATE_HZ} /tmp/go &
         FEED=$!
         sleep 1
         "
