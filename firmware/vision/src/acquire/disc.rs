@@ -6,6 +6,7 @@ use gangway_pose::Sighting;
 
 use super::probe::{LINES, centre, form_of, sample};
 use crate::acquire::row::Pattern;
+use crate::loader::Ray;
 
 /// Least diameter, px.
 pub(super) const LEAST_PX: f64 = 5.0;
@@ -54,9 +55,10 @@ pub(super) fn disc(frame: &Frame, pattern: &Pattern, y: u16, beside_rings: bool)
 
 /// Steps from a bright pixel to where it turns dark.
 fn edge(frame: &Frame, at: [i32; 2], step: [i32; 2], threshold: u8, reach: i32) -> Option<f64> {
-    let mut before = sample(frame, at).filter(|value| *value >= threshold)?;
+    let mut ray = Ray::new(frame, at, step);
+    let mut before = ray.next().filter(|value| *value >= threshold)?;
     for i in 1..=reach {
-        let now = sample(frame, [at[0] + i * step[0], at[1] + i * step[1]])?;
+        let now = ray.next()?;
         if now < threshold {
             let [from, to, threshold] = [before, now, threshold].map(f64::from);
             return Some(f64::from(i) - (threshold - to) / (from - to));
