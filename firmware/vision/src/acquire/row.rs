@@ -296,3 +296,36 @@ impl Limits {
             & ((middle - 1) * 64 <= most * black)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::boxed::Box;
+    use std::vec::Vec;
+
+    use gangway_device::Layout;
+
+    use super::*;
+    use crate::synthetic::Random;
+
+    #[test]
+    fn every_change_between_black_and_white_is_written_down_however_dense_they_are() {
+        let mut random = Random::new(5);
+        let mut row = Box::new(Row::new());
+        // Up to one pixel each: 64 changes in a word of 64 pixels.
+        for longest in [1.0, 2.0, 6.0, 40.0] {
+            let (mut line, mut expected) = (Vec::new(), Vec::new());
+            while line.len() < 1000 {
+                let value = if expected.len() % 2 == 0 { 200 } else { 40 };
+                line.resize(line.len() + random.between(1.0, longest + 0.99) as usize, value);
+                expected.push(line.len() as u16);
+            }
+            line.truncate(1000);
+            expected.retain(|edge| *edge < 1000);
+            let frame = Frame::new(&line, (1000, 1), 1000, Layout::GREY, 0, 0).unwrap();
+            let limits = Limits::new(0.1, [2.0; 2]);
+            let count = row.patterns(&frame, &(0..1000), 0, &limits, |_| {});
+            assert_eq!(count as usize, expected.len(), "runs of up to {longest}");
+            assert_eq!(row.edges[..expected.len()], expected, "runs of up to {longest}");
+        }
+    }
+}
