@@ -19,7 +19,7 @@ const LEAST_RINGS: usize = 20;
 // Shares of the tracking of all rings, in tenths, so that no frame comes to more than three times that.
 /// Of sweeping the picture in a frame that nothing is known in: one of 1920 x 1080 is swept in one or two.
 const SWEEPING: i32 = 23;
-/// Of the end of a sweep, assigning what was seen, and the windows of a pose that was found, all in one frame.
+/// Of the end of a sweep, assigning what was seen, and the windows of a pose that was found, in one frame.
 const IN_ALL: i32 = 26;
 /// Of a window's tracking: the windows of a pose that was found cost somewhat more than predicted ones.
 const FOUND_WINDOW: i32 = 11;

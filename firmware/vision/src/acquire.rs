@@ -33,9 +33,9 @@ const RATIO_BLUR: f64 = 1.5;
 /// Rings nearer to each other than this share of a diameter are one.
 const SAME: f64 = 0.4;
 
-// What a slice is counted in: instructions of tracking that take as long, fitted to the times of sweeps over 860
-// frames of five scenes (by which they are known to 4 %). One of these takes longer than one of tracking: it
-// waits for what it branches on, and across the rows for memory.
+// What a slice is counted in: instructions of tracking that take as long, fitted to the times of sweeps over
+// 860 frames of five scenes (by which they are known to 4 %). One of these takes longer than one of tracking:
+// it waits for what it branches on, and across the rows for memory.
 /// Of four pixels of a searched row.
 const WORK_FOUR_PIXELS: i32 = 12;
 /// Of a change between black and white.

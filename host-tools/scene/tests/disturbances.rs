@@ -94,8 +94,8 @@ fn shows_ring(shares: &[f32], [u, v]: [f64; 2]) -> bool {
 
 #[test]
 fn a_person_comes_stands_before_the_targets_and_goes() {
-    let person = "[[person]]\nwidth_px = 100.0\nheight_px = 220.0\nat_px = 160.0\nenters_s = 0.2\nstands_s = 0.4\n\
-                  goes_s = 0.6\nleaves_s = 0.8\nto = \"right\"\nlevel = 0.1";
+    let person = "[[person]]\nwidth_px = 100.0\nheight_px = 220.0\nat_px = 160.0\nenters_s = 0.2\n\
+                  stands_s = 0.4\ngoes_s = 0.6\nleaves_s = 0.8\nto = \"right\"\nlevel = 0.1";
     let (free, with) = (scene(""), scene(person));
     for frame in [5, 45] {
         assert!(shares(&free, frame) == shares(&with, frame), "frame {frame}: nobody is there");
@@ -182,7 +182,8 @@ fn flicker_changes_the_light_of_frames_and_of_the_rows_of_a_rolling_shutter() {
         // The exposure of 0.1 ms averages over a two-hundredth of a turn.
         assert!((level - expected).abs() < 2e-3, "frame {frame}: {level}");
     }
-    // 100 Hz is two whole turns a frame: all frames are alike; the 240 rows of a rolling shutter take half a turn.
+    // 100 Hz is two whole turns a frame: all frames are alike; the 240 rows of a rolling shutter take half a
+    // turn.
     let flicker = ("light", "flicker_depth = 0.3\nflicker_hz = 100.0");
     let global = changed(&[flicker], "");
     assert!(differing(&shares(&global, 0), &shares(&global, 1)).is_empty(), "a global shutter sees none");
@@ -215,8 +216,8 @@ fn in_darkness_nothing_is_seen() {
 #[test]
 fn lamps_shine_as_they_are_driven_in_darkness_too() {
     let led = "[[light.fall]]\nstart_s = 0.0\nfall_s = 0.0\nlevel = 0.0\nend_s = 100.0\nrise_s = 0.1\n\
-               [[target]]\nname = \"lit\"\nkind = \"led\"\norigin_mm = [-5.0, 0.0, 0.0]\nouter_diameter_mm = 40.0\n\
-               circles_mm = [[-40.0, 0.0], [40.0, 0.0]]\nsheet_mm = [130.0, 50.0]";
+               [[target]]\nname = \"lit\"\nkind = \"led\"\norigin_mm = [-5.0, 0.0, 0.0]\n\
+               outer_diameter_mm = 40.0\ncircles_mm = [[-40.0, 0.0], [40.0, 0.0]]\nsheet_mm = [130.0, 50.0]";
     let lit = |drive: &str, frame: u32| {
         let scene = scene(&format!("[lamp]\nlevel = 0.8\ndrive = \"{drive}\"\n{led}"));
         let shares = shares(&scene, frame);
@@ -269,7 +270,8 @@ fn shaking_moves_the_picture_to_and_fro_about_its_place_and_is_no_motion_of_the_
 #[test]
 fn identical_targets_look_alike_wherever_they_are() {
     let second = "[[target]]\nname = \"second\"\norigin_mm = [0.0, 250.0, 0.0]\nouter_diameter_mm = 50.0\n\
-                  inner_diameter_mm = 25.0\ncircles_mm = [[-80.0, 60.0], [80.0, 60.0], [-80.0, -60.0], [80.0, -60.0]]";
+                  inner_diameter_mm = 25.0\n\
+                  circles_mm = [[-80.0, 60.0], [80.0, 60.0], [-80.0, -60.0], [80.0, -60.0]]";
     let with = scene(second);
     let (all, picture) = (places(&with, 0), shares(&with, 0));
     // A carbody's left is the picture's left: 250 mm are exactly 100 px.
@@ -305,7 +307,8 @@ fn wheels_and_loudspeakers_are_behind_the_targets_and_move_nothing() {
 #[test]
 fn a_poster_shows_rings_that_are_no_target_of_the_setup() {
     let poster = "[[poster]]\nname = \"poster\"\norigin_mm = [0.0, 250.0, 0.0]\nouter_diameter_mm = 50.0\n\
-                  inner_diameter_mm = 25.0\ncircles_mm = [[-80.0, 60.0], [80.0, 60.0], [-80.0, -60.0], [80.0, -60.0]]";
+                  inner_diameter_mm = 25.0\n\
+                  circles_mm = [[-80.0, 60.0], [80.0, 60.0], [-80.0, -60.0], [80.0, -60.0]]";
     let (free, with) = (scene(""), scene(poster));
     let picture = shares(&with, 0);
     for [u, v] in places(&free, 0) {
