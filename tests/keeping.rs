@@ -8,12 +8,12 @@ use e2e::{Keeping, Ride};
 use gangway_wire::Record;
 
 #[test]
-fn no_ring_is_ever_wrong_and_what_was_lost_is_found_again_within_half_a_second() {
+fn no_ring_is_ever_wrong_and_every_frame_with_six_rings_free_has_its_pose() {
     for name in ["person", "walking", "darkness", "wheels", "posters", "four-unknown"] {
         let outcome = play(&Keeping::named(name), 100);
         assert_eq!(outcome.wrong, 0, "{name}: wrong rings");
-        assert!(outcome.longest() <= FOUND_WITHIN, "{name}: {} frames to be found again", outcome.longest());
-        assert_eq!(outcome.lost[0], 0, "{name}: frames without a pose that nothing was before");
+        // Small pictures are swept, and what they show is assigned, in one frame.
+        assert_eq!(outcome.poses, outcome.enough, "{name}: frames with a pose, and with six rings free");
         assert!(outcome.ring_longest <= 3, "{name}: a ring was free for {} frames", outcome.ring_longest);
         assert!(outcome.enough > outcome.frames / 3, "{name}: the scene shows enough to ask for");
     }
@@ -53,17 +53,18 @@ fn rings_that_move_by_one_and_a_half_diameters_from_frame_to_frame_are_kept() {
     assert!((1..scene.frames()).map(moved).fold(0.0, f64::max) > 1.45, "the scene moves that fast");
     let outcome = play(&keeping, 100);
     assert_eq!(outcome.wrong, 0);
-    assert!(outcome.first[1] <= 1 && outcome.longest() == 0, "{:?}, then {:?}", outcome.first, outcome.lost);
+    assert_eq!(outcome.poses, outcome.enough, "frames with a pose, and with six rings free");
     assert!(outcome.most_sigmas < 6.0, "{} standard deviations off", outcome.most_sigmas);
 }
 
 #[test]
-fn the_slowest_frame_while_everything_is_lost_is_at_most_three_times_the_work_of_tracking() {
+fn the_slowest_frame_while_everything_is_lost_stays_below_three_times_the_work_of_tracking() {
     // 28 rings in pictures of 1920 x 1080: not found yet, in darkness, behind a person, in doubt.
     let outcome = play(&Keeping::named("bound"), 100);
     assert_eq!(outcome.wrong, 0);
     let times = outcome.most_work().expect("the scene shows the targets");
-    assert!(times <= 3.0, "{times} times the median frame");
+    // Counted work is known to a tenth or so of its time, and no slice may come near three.
+    assert!(times <= 2.5, "{times} times the median frame");
     assert!(outcome.longest() <= FOUND_WITHIN, "{} frames to be found again", outcome.longest());
     // Two slices sweep the picture, and the second one leaves enough to assign what was seen.
     assert!(outcome.first[1] <= 1, "{} frames to be found first", outcome.first[1]);

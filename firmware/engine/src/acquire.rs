@@ -14,16 +14,17 @@ use crate::windows::Sight;
 pub(crate) const WORK_A_RING: u32 = 45_000;
 /// Fewest rings whose tracking a slice is measured by: with slices as small as fewer need it would take long
 /// to be found.
-const LEAST_RINGS: usize = 22;
+const LEAST_RINGS: usize = 20;
 
 // Shares of the tracking of all rings, in tenths, so that no frame comes to more than three times that.
 /// Of sweeping the picture in a frame that nothing is known in: one of 1920 x 1080 is swept in one or two.
-const SWEEPING: i32 = 22;
-/// Of assigning what was seen, with the sweep's end in the same frame: the windows of a pose that was found
-/// are looked into too, and cost somewhat more than those that are predicted.
-const ASSIGNING: i32 = 16;
-/// Of that goes into windows that were looked into and showed too little, of sweeping and of assigning.
-const EMPTY_WINDOWS: [i32; 2] = [10, 7];
+const SWEEPING: i32 = 23;
+/// Of the end of a sweep, assigning what was seen, and the windows of a pose that was found, in one frame.
+const IN_ALL: i32 = 26;
+/// Of a window's tracking: the windows of a pose that was found cost somewhat more than predicted ones.
+const FOUND_WINDOW: i32 = 11;
+/// Of finding no pose in what the windows showed.
+const NO_POSE: i32 = 4;
 /// Beside windows that show something, but are in doubt: of the look around them and the search together ...
 const IN_DOUBT: i32 = 8;
 /// ... and of the search in any case, so that it goes on.
@@ -47,8 +48,8 @@ pub(crate) const NEIGHBOURHOOD: f64 = 3.0;
 pub(crate) enum Windows {
     /// None were looked into.
     None,
-    /// They gave no pose.
-    Empty,
+    /// So many were, and gave no pose.
+    Empty(u32),
     /// They gave a pose that misses much.
     InDoubt,
 }
@@ -56,7 +57,7 @@ pub(crate) enum Windows {
 /// The search with its working memory.
 pub(crate) struct Acquirer {
     acquisition: Acquisition,
-    /// A tenth of the tracking of all rings.
+    /// A tenth of the tracking of all rings, by which slices are measured.
     tenth: i32,
     /// The rings around the windows of this picture.
     around: Vec<Sighting, MAX_SIGHTINGS>,
@@ -136,10 +137,14 @@ impl Acquirer {
         if let Some(found) = self.again.take() {
             return found;
         }
+        let windows_of = |count: usize| WORK_A_RING as i32 * count as i32;
+        let found = FOUND_WINDOW * windows_of(sight.circles.len()) / 10;
+        let with_windows = IN_ALL * self.tenth - found - windows_of(others.len());
         let [whole, assigning] = match windows {
-            Windows::None => [SWEEPING, ASSIGNING].map(|tenths| tenths * self.tenth),
-            Windows::Empty => {
-                [SWEEPING - EMPTY_WINDOWS[0], ASSIGNING - EMPTY_WINDOWS[1]].map(|tenths| tenths * self.tenth)
+            Windows::None => [SWEEPING * self.tenth, with_windows],
+            Windows::Empty(count) => {
+                let gone = NO_POSE * self.tenth + windows_of(count as usize);
+                [SWEEPING * self.tenth - gone, with_windows - gone]
             }
             Windows::InDoubt => {
                 let left = self.left.take().unwrap_or(IN_DOUBT * self.tenth);
@@ -147,7 +152,12 @@ impl Acquirer {
             }
         };
         let mut work = whole;
-        let progress = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
+        let mut progress = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
+        // The next sweep begins with what is left: what is hidden may show any time.
+        if windows != Windows::InDoubt && matches!(progress, Progress::Refused(_)) && work > 0 {
+            let next = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
+            progress = if next == Progress::Going { progress } else { next };
+        }
         self.spent += whole - work;
         self.again = (self.twice && matches!(progress, Progress::Assigned(_))).then_some(progress);
         progress

@@ -45,9 +45,9 @@ pub(crate) struct Carbody {
     variance: VarianceComponent,
     layout: Layout,
     flash: Flash,
-    /// The last windows that were looked into, and whether that was in the last frame.
+    /// The last windows, and how many of them were looked into in the last frame.
     searches: Vec<Search, MAX_CIRCLES>,
-    looked: bool,
+    looked: u32,
     outcomes: [Result<Ring, Refusal>; MAX_CIRCLES],
 }
 
@@ -99,7 +99,7 @@ impl Carbody {
             layout,
             flash: Flash::default(),
             searches: Vec::new(),
-            looked: false,
+            looked: 0,
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
         })
     }
@@ -133,7 +133,7 @@ impl Carbody {
     /// were looked into.
     pub(crate) fn looks(&self) -> impl Iterator<Item = (u8, &Search, &Result<Ring, Refusal>)> {
         let looks = self.numbers.iter().zip(&self.searches).zip(&self.outcomes);
-        looks.filter(|_| self.looked).map(|((n, s), o)| (*n, s, o))
+        looks.filter(|_| self.looked > 0).map(|((n, s), o)| (*n, s, o))
     }
 
     /// The windows of the last frame; none while nothing is known.
@@ -161,9 +161,9 @@ impl Carbody {
         self.flash.excuses()
     }
 
-    /// Whether its circles are known, and no slice of a search was spent on them in the last frame.
+    /// As [`Keeper::is_calm`].
     pub(crate) fn is_calm(&self) -> bool {
-        self.keeper.is_kept() && !self.keeper.has_searched()
+        self.keeper.is_calm()
     }
 
     /// Whether nothing is known of its place.
@@ -222,7 +222,7 @@ impl Carbody {
         means: &Means<'_>,
         first: bool,
     ) -> Result<Solution, PoseError> {
-        self.looked = false;
+        self.looked = 0;
         if !self.keeper.follows() {
             self.outcomes = [Err(Refusal::NotFound); MAX_CIRCLES];
             self.flash.pass_over();
@@ -253,7 +253,8 @@ impl Carbody {
     fn look(&mut self, frame: &Frame<'_>, tracker: &mut Tracker, means: &Means<'_>) {
         let count = self.searches.len();
         let Some(outcomes) = self.outcomes.get_mut(..count) else { return };
-        self.looked = true;
+        let is_somewhere = |search: &&Search| search.at.iter().all(|c| c.is_finite());
+        self.looked = self.searches.iter().filter(is_somewhere).count() as u32;
         tracker.track(frame, &self.searches, outcomes);
         match self.flash.judge(&self.searches, outcomes) {
             Lit::Not if means.keeps_dark => tracker.keep_dark(frame, &self.searches),
@@ -316,6 +317,7 @@ impl Carbody {
         let question = Question {
             sight: sight(means, &self.circles, &self.seeds),
             searches: &self.searches,
+            looked: self.looked,
             solution: &solution,
             in_picture: self.in_picture(means.settings),
             others: means.others,

@@ -59,6 +59,8 @@ pub(crate) enum Verdict {
 pub(crate) struct Question<'q> {
     pub(crate) sight: Sight<'q>,
     pub(crate) searches: &'q [Search],
+    /// How many of them were looked into.
+    pub(crate) looked: u32,
     pub(crate) solution: &'q Result<Solution, PoseError>,
     /// How many circles should show in the picture.
     pub(crate) in_picture: u32,
@@ -78,6 +80,8 @@ pub(crate) struct Keeper {
     fixed: bool,
     /// A slice of the search was spent in the last frame.
     searched: bool,
+    /// The last frame's pose is beyond doubt.
+    trusted: bool,
     /// While lost: the next frame is looked at where the last pose was.
     looks_back: bool,
     /// Frame and number of circles when a doubt was settled.
@@ -91,6 +95,7 @@ impl Keeper {
             acquirer: Acquirer::new(sight),
             fixed,
             searched: false,
+            trusted: false,
             hold: if known { Hold::Kept } else { Hold::Lost { once: false } },
             looks_back: false,
             settled: None,
@@ -121,6 +126,11 @@ impl Keeper {
         self.hold == Hold::Kept
     }
 
+    /// Whether the last frame's pose is beyond doubt, or no doubt was followed up in it.
+    pub(crate) fn is_calm(&self) -> bool {
+        self.hold == Hold::Kept && (self.trusted || !self.searched)
+    }
+
     /// Whether nothing is known of the targets' place.
     pub(crate) fn is_lost(&self) -> bool {
         matches!(self.hold, Hold::Lost { .. })
@@ -144,7 +154,8 @@ impl Keeper {
                 return Verdict::Keep;
             }
         }
-        if core::mem::replace(&mut self.looks_back, false) || !question.may_search {
+        self.looks_back = false;
+        if !question.may_search {
             return Verdict::Refuse;
         }
         self.searched = true;
@@ -195,8 +206,8 @@ impl Keeper {
 
     /// One slice of the search for what was lost.
     fn search(&mut self, frame: &Frame<'_>, question: &Question<'_>) -> Verdict {
-        let windows = if self.follows() { Windows::Empty } else { Windows::None };
-        let Question { sight, others, is_plausible, .. } = *question;
+        let Question { sight, others, is_plausible, looked, .. } = *question;
+        let windows = if looked > 0 { Windows::Empty(looked) } else { Windows::None };
         match self.acquirer.slice(frame, &sight, windows, others, is_plausible) {
             Progress::Assigned(found) => Verdict::Try { found, instead: true },
             progress => {
@@ -215,10 +226,11 @@ impl Keeper {
     /// Takes note of how the frame ended: with so many circles in a pose, or at least with some where they
     /// were `followed`.
     pub(crate) fn note(&mut self, used: Option<u32>, followed: bool, in_picture: u32) {
-        if let Some(used) = used {
+        self.trusted = used.is_some_and(|used| is_trusted(used, in_picture));
+        if used.is_some() {
             self.hold = Hold::Kept;
             self.looks_back = false;
-            if is_trusted(used, in_picture) {
+            if self.trusted {
                 self.settled = None;
                 self.acquirer.restart();
             }

@@ -146,6 +146,9 @@ impl Assigner {
                     self.rivals.sort();
                     self.stage = Stage::Verify(0);
                 }
+                Stage::Verify(number) if self.rivals.is_repeated(number) => {
+                    self.stage = Stage::Verify(number + 1);
+                }
                 Stage::Verify(number) => match self.rivals.worth_verifying(number) {
                     Some(hypothesis) => {
                         hypothesis.verify(&self.layout, view, &self.rings, &self.groups, work);

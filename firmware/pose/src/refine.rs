@@ -25,17 +25,30 @@ pub(crate) struct Fit {
     pub(crate) covariance: Matrix6<f64>,
     /// Weighted sum of squares.
     pub(crate) chi2: f64,
+    /// How often the normal equations were set up.
+    pub(crate) evaluations: usize,
 }
 
 /// Refines `start` on the circles of `mask`. Fails where the start puts a circle out of the camera's sight,
 /// or the pose is not determined.
 pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, PoseError> {
+    refine_within(problem, mask, start, MAX_EVALUATIONS)
+}
+
+/// As [`refine`], and ends after so many evaluations in any case.
+pub(crate) fn refine_within(
+    problem: &Problem,
+    mask: u64,
+    start: &Pose,
+    most: usize,
+) -> Result<Fit, PoseError> {
     let mut pose = *start;
     let mut here = linearise(problem, mask, &pose).ok_or(PoseError::NoConsensus)?;
     let mut damping = 0.0;
     // Decrease that the step before promised.
     let mut before = 0.0;
-    for _ in 0..MAX_EVALUATIONS {
+    let mut evaluations = 1;
+    for _ in 0..most {
         let factor = here.factor(damping).ok_or(PoseError::Singular)?;
         let [vx, vy, vz, wx, wy, wz] = factor.solve(&here.g);
         let promised: f64 = here.g.iter().zip([vx, vy, vz, wx, wy, wz]).map(|(g, d)| g * d).sum();
@@ -45,8 +58,9 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
         let settled = promised < LAST_STEP && promised * promised < CONVERGED * before;
         if damping == 0.0 && (settled || promised < CONVERGED) {
             let chi2 = (here.chi2 - promised).max(0.0);
-            return Ok(Fit { pose: next.orthonormalised(), covariance: factor.inverse(), chi2 });
+            return Ok(Fit { pose: next.orthonormalised(), covariance: factor.inverse(), chi2, evaluations });
         }
+        evaluations += 1;
         match linearise(problem, mask, &next) {
             Some(there) if there.chi2 <= here.chi2 => {
                 (pose, here, before) = (next, there, promised);
@@ -58,6 +72,7 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
                     pose: pose.orthonormalised(),
                     covariance: factor.inverse(),
                     chi2: here.chi2,
+                    evaluations,
                 });
             }
             _ => {
@@ -70,7 +85,7 @@ pub(crate) fn refine(problem: &Problem, mask: u64, start: &Pose) -> Result<Fit, 
         }
     }
     let factor = here.factor(0.0).ok_or(PoseError::Singular)?;
-    Ok(Fit { pose: pose.orthonormalised(), covariance: factor.inverse(), chi2: here.chi2 })
+    Ok(Fit { pose: pose.orthonormalised(), covariance: factor.inverse(), chi2: here.chi2, evaluations })
 }
 
 /// The normal equations at a pose; `None` where a circle is out of the camera's sight.

@@ -7,6 +7,10 @@ use multiversion::multiversion;
 
 use crate::MAX_SIDE;
 
+mod ray;
+
+pub(crate) use ray::Ray;
+
 /// A rectangle of the picture that lies wholly within it, at most `MAX_SIDE` either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Rect {

@@ -156,7 +156,8 @@ impl Tracker {
 
     /// Looks for one ring in a window about `at`. A miss says where in the picture a cut ring lies.
     fn look_at(&mut self, frame: &Frame, search: &Search, at: [f64; 2]) -> Result<(Ring, Light), Miss> {
-        self.looks = self.looks.saturating_add(1);
+        // What is no number is no place.
+        self.looks = self.looks.saturating_add(u32::from(at.iter().all(|c| c.is_finite())));
         if search.is_disc() {
             return self.look_at_disc(frame, search, at);
         }

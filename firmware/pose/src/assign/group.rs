@@ -31,9 +31,9 @@ const SHARED: usize = 3;
 const LARGER: usize = 2;
 
 // Work, in the unit of the slices that it is done in.
-const WORK_RING: i32 = 21;
-const WORK_PAIR: i32 = 21;
-const WORK_TRY: i32 = 5_000;
+const WORK_RING: i32 = 16;
+const WORK_PAIR: i32 = 16;
+const WORK_TRY: i32 = 3_700;
 
 /// A target's pattern found among the rings.
 #[derive(Clone, Debug)]

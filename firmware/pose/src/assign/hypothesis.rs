@@ -11,7 +11,7 @@ use crate::assign::layout::{Layout, MAX_PLATES, Plate};
 use crate::assign::{Assigned, MAX_RINGS, Unassigned, View};
 use crate::homography::homography;
 use crate::problem::Problem;
-use crate::refine::{Fit, refine};
+use crate::refine::{Fit, refine_within};
 use crate::{Centre, Circle, MAX_CIRCLES, Observation, Pose, Settings, Sighting, project_circle};
 
 /// Most hypotheses that are verified.
@@ -51,10 +51,16 @@ const RIVAL: (u32, u32) = (3, 4);
 /// ... unless its residual is so many times the best one's, and more than so many pixels.
 const WORSE: (f64, f64) = (4.0, 0.4);
 
+/// Evaluations after which a refinement ends: those that come to something take three to eight.
+const EVALUATIONS: usize = 8;
+
 // Work, in the unit of the slices that it is done in.
-/// Of a pose refined, and the same for each circle; of the two poses of a flat pattern.
-const WORK_REFINE: [i32; 2] = [2_000, 3_000];
-const WORK_OF_PLANE: [i32; 2] = [15_000, 6_000];
+/// Of a refinement, of each of its evaluations, and of either for each circle.
+const WORK_REFINE: i32 = 4_000;
+const WORK_EVALUATION: i32 = 1_500;
+const WORK_CIRCLE: [i32; 2] = [1_300, 170];
+/// Of the homography of a flat pattern, and the same for each circle.
+const WORK_OF_PLANE: [i32; 2] = [15_000, 2_000];
 const WORK_PROJECT: i32 = 600;
 const WORK_COMPARE: i32 = 12;
 
@@ -111,6 +117,14 @@ impl Rivals {
     pub(crate) fn worth_verifying(&mut self, number: usize) -> Option<&mut Hypothesis> {
         let most = self.all.iter().map(|verified| verified.found).max().unwrap_or(0);
         self.all.get_mut(number).filter(|next| next.score as u32 * WORTH.1 >= most * WORTH.0)
+    }
+
+    /// Whether a hypothesis takes the same rings for the same targets as one before it that was verified, and
+    /// fits well: it could but come to the same pose, from another of these targets.
+    pub(crate) fn is_repeated(&self, number: usize) -> bool {
+        let (before, from) = self.all.split_at(number.min(self.all.len()));
+        let fits = |known: &Hypothesis| known.found > 0 && known.residual_px < WORSE.1;
+        from.first().is_some_and(|next| before.iter().any(|known| fits(known) && known.groups == next.groups))
     }
 
     fn keep(&mut self, new: Hypothesis) {
@@ -192,9 +206,11 @@ impl Hypothesis {
             }
         }
         all.drop_beyond(view, &pose, GATE_PX[0]);
-        let Some((pose, _)) = all.refine(view, &pose, work) else { return };
-        all.drop_beyond(view, &pose, GATE_PX[1]);
-        let Some((pose, residual_px)) = all.refine(view, &pose, work) else { return };
+        let Some((mut pose, mut residual_px)) = all.refine(view, &pose, work) else { return };
+        if all.drop_beyond(view, &pose, GATE_PX[1]) {
+            let Some(last) = all.refine(view, &pose, work) else { return };
+            (pose, residual_px) = last;
+        }
         if residual_px > RESIDUAL_PX {
             return;
         }
@@ -228,9 +244,10 @@ impl Seen {
         }
     }
 
-    /// Leaves out what lies further than `px` from where it must show.
-    fn drop_beyond(&mut self, view: &View<'_>, pose: &Pose, px: f64) {
+    /// Leaves out what lies further than `px` from where it must show, and says whether anything did.
+    fn drop_beyond(&mut self, view: &View<'_>, pose: &Pose, px: f64) -> bool {
         let all = core::mem::take(self);
+        let before = all.pairs.len();
         for (pair, observation) in all.pairs.into_iter().zip(all.observations) {
             let Ok(at) = view.lens.project(&pose.transform(&observation.point)) else { continue };
             let [u, v] = observation.centre.at;
@@ -240,14 +257,14 @@ impl Seen {
                 let _ = self.observations.push(observation);
             }
         }
+        self.pairs.len() < before
     }
 
     /// The pose of all of them next to this one, and its residual, px.
     fn refine(&self, view: &View<'_>, pose: &Pose, work: &mut i32) -> Option<(Pose, f64)> {
-        *work = work.saturating_sub(WORK_REFINE[0] + WORK_REFINE[1] * self.observations.len() as i32);
         let settings = Settings::default();
         let problem = Problem::new(&self.observations, view.lens, &settings).ok()?;
-        let fit = refine(&problem, problem.all(), pose).ok()?;
+        let fit = refined(&problem, pose, work)?;
         Some((fit.pose, residual_px(&problem, &fit)))
     }
 }
@@ -270,7 +287,7 @@ pub(crate) fn from_group(
         .filter_map(|(c, r)| Some(Observation { point: kind.flat(c)?, centre: centre(rings.get(r)?) }))
         .collect();
     *work = work.saturating_sub(WORK_OF_PLANE[0] + WORK_OF_PLANE[1] * observations.len() as i32);
-    let Some((first, second)) = poses_of_plane(&observations, view) else { return };
+    let Some((first, second)) = poses_of_plane(&observations, view, work) else { return };
     for flat in core::iter::once(first).chain(second) {
         for (place, plate) in layout.plates.iter().enumerate().filter(|(_, plate)| plate.kind == group.kind) {
             let rotation = flat.rotation * plate.axes.transpose();
@@ -376,12 +393,16 @@ fn nearest(rings: &[Sighting], at: [f64; 2], diameter: f64) -> Option<usize> {
 }
 
 /// The pose of a flat pattern that fits it, and the one with its tilt mirrored, if that fits about as well.
-fn poses_of_plane(observations: &[Observation], view: &View<'_>) -> Option<(Pose, Option<Pose>)> {
+fn poses_of_plane(
+    observations: &[Observation],
+    view: &View<'_>,
+    work: &mut i32,
+) -> Option<(Pose, Option<Pose>)> {
     let settings = Settings::default();
     let problem = Problem::new(observations, view.lens, &settings).ok()?;
     let start = homography(&problem, &problem.rays().ok()?).ok()?;
-    let first = refine(&problem, problem.all(), &start).ok()?;
-    let second = refine(&problem, problem.all(), &mirrored(&problem.basis, &first.pose)).ok();
+    let first = refined(&problem, &start, work)?;
+    let second = refined(&problem, &mirrored(&problem.basis, &first.pose), work);
     let second = second.filter(|second| !is_same(&second.pose, &first.pose));
     let (first, second) = match second {
         Some(second) if second.chi2 < first.chi2 => (second, Some(first)),
@@ -389,6 +410,15 @@ fn poses_of_plane(observations: &[Observation], view: &View<'_>) -> Option<(Pose
     };
     let second = second.filter(|second| second.chi2 < SECOND * SECOND * first.chi2);
     (residual_px(&problem, &first) <= RESIDUAL_PX).then(|| (first.pose, second.map(|second| second.pose)))
+}
+
+/// The pose of a problem's circles next to this one.
+fn refined(problem: &Problem, start: &Pose, work: &mut i32) -> Option<Fit> {
+    let fit = refine_within(problem, problem.all(), start, EVALUATIONS).ok();
+    let (circles, evaluations) = (problem.rows.len() as i32, fit.map_or(1, |fit| fit.evaluations) as i32);
+    let of_circles = circles * (WORK_CIRCLE[0] + evaluations * WORK_CIRCLE[1]);
+    *work = work.saturating_sub(WORK_REFINE + evaluations * WORK_EVALUATION + of_circles);
+    fit
 }
 
 /// Root mean square distance between the rings and where they should be, px.

@@ -6,6 +6,7 @@ use gangway_pose::Sighting;
 
 use super::probe::{LINES, centre, form_of, sample};
 use crate::acquire::row::Pattern;
+use crate::loader::Ray;
 
 /// Least diameter, px.
 pub(super) const LEAST_PX: f64 = 5.0;
@@ -25,24 +26,32 @@ pub(super) fn disc(frame: &Frame, pattern: &Pattern, y: u16, beside_rings: bool)
         // Middle and half of the chord, in steps of the line.
         Some([0.5 * (ahead - back), 0.5 * (ahead + back)])
     };
+    // Whether it is dark so many halves of a chord from its middle. Beyond the picture's edge anything may be.
+    let is_dark_at = |at: [i32; 2], line: [i32; 2], [middle, half]: [f64; 2], halves: f64| {
+        [-1.0, 1.0].iter().all(|way| {
+            let length = libm::sqrt(f64::from(line[0] * line[0] + line[1] * line[1]));
+            let steps = libm::round(middle + way * (halves * half + 1.0 / length)) as i32;
+            let value = sample(frame, [0, 1].map(|i| at[i] + steps * line[i]));
+            value.is_none_or(|value| value < pattern.threshold)
+        })
+    };
     // The row may run well off the middle: up and down first, then along the row in the middle.
     for line in [LINES[1], LINES[0]] {
-        let middle = libm::round(edges(at, line)?[0]) as i32;
-        at = [0, 1].map(|i| at[i] + line[i] * middle);
+        let chord = edges(at, line)?;
+        if !is_dark_at(at, line, chord, DARK_TO) {
+            return None;
+        }
+        at = [0, 1].map(|i| at[i] + line[i] * libm::round(chord[0]) as i32);
     }
+    let beyond = if beside_rings { DARK_BESIDE_RINGS_TO } else { DARK_TO };
     let (mut middles, mut halves) = ([0.0; LINES.len()], [0.0; LINES.len()]);
     for ((middle, half), line) in middles.iter_mut().zip(&mut halves).zip(LINES) {
         let length = libm::sqrt(f64::from(line[0] * line[0] + line[1] * line[1]));
-        [*middle, *half] = edges(at, line)?.map(|steps| steps * length);
-        let beyond = if beside_rings { DARK_BESIDE_RINGS_TO } else { DARK_TO };
-        for way in [-1.0, 1.0] {
-            let steps = libm::round((*middle + way * (beyond * *half + 1.0)) / length) as i32;
-            let value = sample(frame, [0, 1].map(|i| at[i] + steps * line[i]));
-            // Beyond the picture's edge anything may be.
-            if value.is_some_and(|value| value >= pattern.threshold) {
-                return None;
-            }
+        let chord = edges(at, line)?;
+        if !is_dark_at(at, line, chord, beyond) {
+            return None;
         }
+        [*middle, *half] = chord.map(|steps| steps * length);
     }
     let form = form_of(&halves)?;
     let centre = centre(&middles, &form)?;
@@ -54,9 +63,10 @@ pub(super) fn disc(frame: &Frame, pattern: &Pattern, y: u16, beside_rings: bool)
 
 /// Steps from a bright pixel to where it turns dark.
 fn edge(frame: &Frame, at: [i32; 2], step: [i32; 2], threshold: u8, reach: i32) -> Option<f64> {
-    let mut before = sample(frame, at).filter(|value| *value >= threshold)?;
+    let mut ray = Ray::new(frame, at, step);
+    let mut before = ray.next().filter(|value| *value >= threshold)?;
     for i in 1..=reach {
-        let now = sample(frame, [at[0] + i * step[0], at[1] + i * step[1]])?;
+        let now = ray.next()?;
         if now < threshold {
             let [from, to, threshold] = [before, now, threshold].map(f64::from);
             return Some(f64::from(i) - (threshold - to) / (from - to));

@@ -5,7 +5,7 @@ use gangway_device::Frame;
 use gangway_pose::Sighting;
 
 use crate::acquire::row::Pattern;
-use crate::loader;
+use crate::loader::{self, Ray};
 
 /// Directions of the lines through the centre, as steps of pixels.
 pub(super) const LINES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
@@ -81,7 +81,8 @@ fn chords(
 
 /// Steps to the inner and the outer edge of the ring, between the samples where they cross the threshold.
 fn edges(frame: &Frame, at: [i32; 2], step: [i32; 2], threshold: u8, reach: i32) -> Option<[f64; 2]> {
-    let mut before = sample(frame, at)?;
+    let mut ray = Ray::new(frame, at, step);
+    let mut before = ray.next()?;
     let mut inner = None;
     if before < threshold {
         return None;
@@ -91,7 +92,7 @@ fn edges(frame: &Frame, at: [i32; 2], step: [i32; 2], threshold: u8, reach: i32)
     let mut i = 0;
     while i < last {
         i += 1;
-        let now = sample(frame, [at[0] + i * step[0], at[1] + i * step[1]])?;
+        let now = ray.next()?;
         if (now < threshold) != inner.is_some() {
             let [from, to, threshold] = [before, now, threshold].map(f64::from);
             let edge = f64::from(i) - (to - threshold) / (to - from);
