@@ -192,7 +192,7 @@ impl Profile {
     /// Starts over, for pixels up to `end` px from the centre.
     pub(crate) fn clear(&mut self, end: f64) {
         let rings = (end * f64::from(PER_PX)) as usize + 2;
-        self.used = rings.next_multiple_of(BLOCK).min(RINGS);
+        self.used = rings.next_multiple_of(LANES).min(RINGS);
         let used = self.used;
         self.quadrants_mut().iter_mut().for_each(|cells| cells.get_mut(..used).unwrap_or_default().fill(0));
     }
@@ -299,7 +299,7 @@ impl Profile {
             }
             for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
                 if let Some(cells) = block(cells, first) {
-                    add_sides(cells, &rings, quadrant, &mut sums.squares);
+                    add_sides(cells, &rings, self.used - first, quadrant, &mut sums.squares);
                 }
             }
         }
@@ -346,10 +346,13 @@ impl Profile {
         let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(PER_PX)) as usize;
         let columns = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used).skip(from);
         let mut dark = columns.map(|((radius, value), count)| {
+            if *count == 0.0 {
+                return false;
+            }
             // Nearer to the edge the profile itself is less well known.
             let (steep, _, covered) = kernel.at(*radius);
             let most = most * (1.0 + 3.0 * steep);
-            *count > 0.0 && kernel.white - kernel.contrast * covered - *value > most
+            kernel.white - kernel.contrast * covered - *value > most
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
         let (first, used) = (from + first, self.used);
@@ -414,8 +417,14 @@ fn block<T>(rings: &[T; RINGS], first: usize) -> Option<&[T; BLOCK]> {
 
 /// Not inlined, as [`sort`]: so the compiler makes one loop over whole vectors of it.
 #[inline(never)]
-fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; SQUARES]) {
-    for i in 0..RUNS {
+fn add_sides(
+    cells: &[u64; BLOCK],
+    rings: &Rings,
+    used: usize,
+    quadrant: &mut [Lanes; 2],
+    squares: &mut [Lanes; SQUARES],
+) {
+    for i in 0..used.div_ceil(LANES).min(RUNS) {
         let at = |column: &Column| Lanes::load(column, i);
         let cell: [_; LANES] = core::array::from_fn(|lane| unpacked(cells[LANES * i + lane]));
         let (count, parts) = (Lanes::of(cell.map(|cell| cell.0)), Lanes::of(cell.map(|cell| cell.1)));
