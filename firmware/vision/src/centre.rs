@@ -242,7 +242,7 @@ fn settle(
     let end = model.radial.outer + FITTED;
     model.radial = profile.fit(&model.radial, ratio, end, saturated).ok_or(Refusal::Outline)?;
     let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
-    let white_end = profile.end_at_dark(&model.radial, borne);
+    let white_end = profile.end_at_dark(&model.radial, borne, saturated);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
     let lean = profile.lean(&model.radial, white_from, saturated);
     // Written so that a NaN is refused too.

@@ -339,10 +339,11 @@ impl Profile {
 
     /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a
     /// post makes a ring of cells darker than the profile by more than `share` of the contrast. What white
-    /// there is before it, less what blur darkens unseen, stays in the cells.
-    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) -> f64 {
+    /// there is before it, less what blur darkens unseen, stays in the cells. Saturated white is darker than
+    /// the profile and no sheet's edge.
+    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64, saturated: f64) -> f64 {
         let kernel = Kernel::new(radial);
-        let most = (share * radial.contrast) as f32;
+        let (most, saturated, reach) = ((share * radial.contrast) as f32, saturated as f32, kernel.reach());
         let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(PER_PX)) as usize;
         let columns = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used).skip(from);
         let mut dark = columns.map(|((radius, value), count)| {
@@ -352,7 +353,8 @@ impl Profile {
             // Nearer to the edge the profile itself is less well known.
             let (steep, _, covered) = kernel.at(*radius);
             let most = most * (1.0 + 3.0 * steep);
-            kernel.white - kernel.contrast * covered - *value > most
+            let is_darker = kernel.white - kernel.contrast * covered - *value > most;
+            is_darker && *value + reach * steep < saturated
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
         let (first, used) = (from + first, self.used);
