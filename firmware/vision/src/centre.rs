@@ -345,7 +345,7 @@ fn converge(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> R
     Ok(fit)
 }
 
-/// One pass: corrects centre and slope.
+/// One pass: corrects centre, slope and radii.
 fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
     let lean = &start.lean;
     let kernel = Kernel::new(model, patch.origin(), start.saturated, belts.overlap);
@@ -396,6 +396,11 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     model.slope = [model.slope[0] + slope[0], model.slope[1] + slope[1]];
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     let sigma = libm::sqrt(circle);
+    // All pixels tell the radii better than some rows do. Where blur joins the edges they are told together.
+    if !belts.overlap && !radial.is_disc() {
+        model.radial.outer -= outer.even / (outer.square * per_px);
+        model.radial.inner += inner.even / (inner.square * per_px);
+    }
     Ok(Fit {
         step,
         square: circle,
