@@ -229,6 +229,7 @@ fn start(
     }
     let (lean, white_end) = settle(profile, model, ratio, saturated)?;
     model.slope = lean.white_slope;
+    let saturated = if clipped { full } else { f64::INFINITY };
     Ok(Start { lean, white_end, saturated })
 }
 
