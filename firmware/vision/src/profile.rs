@@ -106,6 +106,11 @@ impl Radial {
         core::f64::consts::TAU * (self.outer + self.inner.max(0.0))
     }
 
+    /// Radius half way between the edges, px.
+    pub(crate) fn middle(&self) -> f64 {
+        0.5 * (self.outer + self.inner)
+    }
+
     /// Half the width of an edge, px.
     pub(crate) fn half_width(&self) -> f64 {
         HALF_WIDTH * self.blur
