@@ -14,7 +14,7 @@ use crate::candidate::Candidate;
 use crate::edge::{FOURTH, SQUARE};
 use crate::light::Light;
 use crate::loader::{Rect, full_scale};
-use crate::model::{Kernel, Model};
+use crate::model::{Kernel, Model, WHITE_WEIGHT};
 use crate::patch::{Belt, Part, Patch};
 use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
@@ -252,7 +252,9 @@ fn settle(
     let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
     let white_end = profile.end_at_dark(&model.radial, borne, saturated);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
-    let lean = profile.lean(&model.radial, white_from, saturated);
+    let mut lean = profile.lean(&model.radial, white_from, saturated);
+    // It is weighed against pixels of the edges.
+    lean.white_information *= WHITE_WEIGHT;
     // Written so that a NaN is refused too.
     if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);

@@ -12,6 +12,9 @@ use crate::profile::{Places, Profile, Radial};
 /// the most.
 const WEIGHT: [f32; 2] = [1.6, 1.0];
 
+/// Weight of a white pixel.
+pub(crate) const WHITE_WEIGHT: f64 = (WEIGHT[0] - WEIGHT[1]) as f64;
+
 /// Share of full scale below saturation over which pixels count less and less. Where all of a pixel counted
 /// or nothing, which of them do would depend on where the ring lies between them, and the centre with it.
 const FADING: f64 = 0.25;
