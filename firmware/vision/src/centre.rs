@@ -14,7 +14,7 @@ use crate::candidate::Candidate;
 use crate::edge::{FOURTH, SQUARE};
 use crate::light::Light;
 use crate::loader::{Rect, full_scale};
-use crate::model::{Kernel, Model};
+use crate::model::{Kernel, Model, WHITE_WEIGHT};
 use crate::patch::{Belt, Part, Patch};
 use crate::profile::{Lean, Profile, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
@@ -47,8 +47,11 @@ const CLIPPED: f64 = 0.01;
 /// white is looked for from, share of full scale.
 const NEARLY_CLIPPED: f64 = 0.03;
 const CLIPPED_WHITE: f64 = 1.6;
-/// Black above this share of full scale under saturated white: too little of the edges is left.
+/// Black above this share of full scale under saturated white: too little of the edges is left. Where blur
+/// joins them it brightens the darkest pixels beyond that, but wide edges show more of themselves: the share
+/// that those may have.
 const MAX_BLACK: f64 = 0.5;
+const MAX_DARKEST: f64 = 0.75;
 
 /// Blur of a sharp lens, px, as a start.
 const FIRST_BLUR: f64 = 0.7;
@@ -217,7 +220,7 @@ fn start(
     let clipped = white > (1.0 - CLIPPED) * full;
     let saturated = if clipped { (1.0 - NEARLY_CLIPPED) * full } else { f64::INFINITY };
     if clipped {
-        if black > MAX_BLACK * full {
+        if black > MAX_DARKEST * full {
             return Err(Refusal::Saturated);
         }
         model.radial.white = CLIPPED_WHITE * full;
@@ -228,7 +231,12 @@ fn start(
         collect(frame, patch, profile, (rect, CLIPPED_EVERY), model);
     }
     let (lean, white_end) = settle(profile, model, ratio, saturated)?;
+    let black = model.radial.white - model.radial.contrast;
+    if clipped && black > MAX_BLACK * full && !overlap(&model.radial) {
+        return Err(Refusal::Saturated);
+    }
     model.slope = lean.white_slope;
+    let saturated = if clipped { full } else { f64::INFINITY };
     Ok(Start { lean, white_end, saturated })
 }
 
@@ -242,9 +250,11 @@ fn settle(
     let end = model.radial.outer + FITTED;
     model.radial = profile.fit(&model.radial, ratio, end, saturated).ok_or(Refusal::Outline)?;
     let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
-    let white_end = profile.end_at_dark(&model.radial, borne);
+    let white_end = profile.end_at_dark(&model.radial, borne, saturated);
     let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
-    let lean = profile.lean(&model.radial, white_from, saturated);
+    let mut lean = profile.lean(&model.radial, white_from, saturated);
+    // It is weighed against pixels of the edges.
+    lean.white_information *= WHITE_WEIGHT;
     // Written so that a NaN is refused too.
     if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
@@ -266,18 +276,23 @@ struct Belts {
     leak: bool,
 }
 
+/// Whether the pixels of either edge see the other one as well.
+fn overlap(radial: &Radial) -> bool {
+    radial.middle() - radial.inner < OVERLAP * radial.half_width()
+}
+
 /// Takes the pixels near either edge, up to `white_end` px from the centre.
 fn take_belts(frame: &Frame, patch: &mut Patch, rect: Rect, model: &Model, white_end: f64) -> Belts {
     let radial = &model.radial;
     let width = BELT * radial.half_width() + SLACK_PX;
     // A pixel half way belongs to one of them.
-    let middle = 0.5 * (radial.outer + radial.inner);
+    let middle = radial.middle();
     let outer = Belt { from: (radial.outer - width).max(middle), to: (radial.outer + width).min(white_end) };
     let inner = Belt { from: (radial.inner - width).max(0.0), to: (radial.inner + width).min(middle) };
     patch.clear(rect);
     let sides = [(outer, 1.0), (inner, model.inner_bias)];
     let parts = sides.map(|(belt, share)| patch.take(frame, model.centre_of(share), model.shape, &belt, 1));
-    let overlap = middle - radial.inner < OVERLAP * radial.half_width();
+    let overlap = overlap(radial);
     let leak = white_end < radial.outer + width || radial.half_width() > LEAKY * radial.outer;
     Belts { parts, overlap, leak }
 }
@@ -345,7 +360,7 @@ fn converge(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> R
     Ok(fit)
 }
 
-/// One pass: corrects centre and slope.
+/// One pass: corrects centre, slope and radii.
 fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Result<Fit, Refusal> {
     let lean = &start.lean;
     let kernel = Kernel::new(model, patch.origin(), start.saturated, belts.overlap);
@@ -396,6 +411,11 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     model.slope = [model.slope[0] + slope[0], model.slope[1] + slope[1]];
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];
     let sigma = libm::sqrt(circle);
+    // All pixels tell the radii better than some rows do. Where blur joins the edges they are told together.
+    if !belts.overlap && !radial.is_disc() {
+        model.radial.outer -= outer.even / (outer.square * per_px);
+        model.radial.inner += inner.even / (inner.square * per_px);
+    }
     Ok(Fit {
         step,
         square: circle,

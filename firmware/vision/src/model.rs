@@ -14,6 +14,13 @@ use crate::profile::{Places, Profile, Radial};
 /// the most.
 const WEIGHT: [f32; 2] = [1.6, 1.0];
 
+/// Weight of a white pixel.
+pub(crate) const WHITE_WEIGHT: f64 = (WEIGHT[0] - WEIGHT[1]) as f64;
+
+/// Share of full scale below saturation over which pixels count less and less. Where all of a pixel counted
+/// or nothing, which of them do would depend on where the ring lies between them, and the centre with it.
+const FADING: f64 = 0.25;
+
 /// What the model ring looks like.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Model {
@@ -127,11 +134,15 @@ pub(crate) struct Kernel {
     weight: [f32; 2],
     /// White less black, share of white.
     depth: f32,
-    /// Where the model is above this the sensor is saturated; infinite where that is nowhere.
+    /// Where the model is above this the sensor is saturated; infinite where that is nowhere. And one over
+    /// the levels below it at which pixels count less and less.
     saturated: f32,
+    per_fading: f32,
     /// 1 / half width of an edge, 1/px, by its direction (x, y): [0] + y ([1] x + [2] y). The picture's blur
     /// is round, but in the circle's plane it is not.
     per_width: [f32; 3],
+    /// The next term of that series: [1] ([0] - 1 / half width)^2.
+    per_width_square: [f32; 2],
 }
 
 /// Sums over the pixels of an edge's belt, with its steepness s, residual r, direction (x, y) and light w,
@@ -183,7 +194,9 @@ impl Kernel {
             weight: if radial.is_disc() { [1.0, 0.0] } else { WEIGHT },
             depth,
             saturated: saturated as f32,
+            per_fading: (1.0 / (FADING * saturated)) as f32,
             per_width: narrow.map(|x| (x / radial.half_width()) as f32),
+            per_width_square: [1.0 / radial.half_width(), 1.5 * radial.half_width()].map(|x| x as f32),
         }
     }
 
@@ -264,7 +277,12 @@ fn compare<const CLIPPED: bool, const OVERLAP: bool>(
     let between = if OVERLAP { 1.0 } else { 1.0 - 0.5 * kernel.depth };
     for i in 0..BLOCK {
         let (x, y, radius) = (places.x[i], places.y[i], places.radius[i]);
-        let per_width = kernel.per_width[0] + y * (kernel.per_width[1] * x + kernel.per_width[2] * y);
+        let mut per_width = kernel.per_width[0] + y * (kernel.per_width[1] * x + kernel.per_width[2] * y);
+        if CLIPPED {
+            // What is left of an edge is all on one side of it: its width is felt as its place.
+            let narrower = kernel.per_width_square[0] - per_width;
+            per_width += kernel.per_width_square[1] * narrower * narrower;
+        }
         let (mut steep, height) = edge((radius - near.radius) * per_width);
         let mut by_white = between + near.rise * height;
         if OVERLAP {
@@ -275,11 +293,16 @@ fn compare<const CLIPPED: bool, const OVERLAP: bool>(
         }
         let white = kernel.white + (kernel.slope[0] * x + kernel.slope[1] * y) * radius;
         let model = white * by_white;
-        let counts = if !CLIPPED || model < kernel.saturated { 1.0 } else { 0.0 };
+        let mut weight = kernel.weight[0] - kernel.weight[1] * by_white;
+        if CLIPPED {
+            let share = (kernel.saturated - model) * kernel.per_fading;
+            let share = if share < 1.0 { share } else { 1.0 };
+            weight *= if share > 0.0 { share } else { 0.0 };
+        }
         pixels.residual[i] = f32::from(values[i]) - model;
-        pixels.steep[i] = steep * counts;
-        pixels.weight[i] = kernel.weight[0] - kernel.weight[1] * by_white;
-        pixels.by_white[i] = by_white * counts;
+        pixels.steep[i] = steep;
+        pixels.weight[i] = weight;
+        pixels.by_white[i] = by_white;
     }
 }
 

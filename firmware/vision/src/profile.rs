@@ -44,6 +44,9 @@ const REACH_PX: f32 = 0.15;
 /// Pixels of a ring whose mean is a level.
 const ENOUGH: f32 = 4.0;
 
+/// Share of the white's slope that its sides tell beside their means at the least.
+const LEAST_TOLD: f64 = 0.2;
+
 /// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and
 /// the steps of the radii and of the half width, shares of the half width, below which one is the last: the
 /// next one's would be of their square. Under clipped white the level, radii and blur follow from what is
@@ -103,6 +106,11 @@ impl Radial {
     /// Length of the edges, px.
     pub(crate) fn edges_px(&self) -> f64 {
         core::f64::consts::TAU * (self.outer + self.inner.max(0.0))
+    }
+
+    /// Radius half way between the edges, px.
+    pub(crate) fn middle(&self) -> f64 {
+        0.5 * (self.outer + self.inner)
     }
 
     /// Half the width of an edge, px.
@@ -191,7 +199,7 @@ impl Profile {
     /// Starts over, for pixels up to `end` px from the centre.
     pub(crate) fn clear(&mut self, end: f64) {
         let rings = (end * f64::from(PER_PX)) as usize + 2;
-        self.used = rings.next_multiple_of(BLOCK).min(RINGS);
+        self.used = rings.next_multiple_of(LANES).min(RINGS);
         let used = self.used;
         self.quadrants_mut().iter_mut().for_each(|cells| cells.get_mut(..used).unwrap_or_default().fill(0));
     }
@@ -289,41 +297,72 @@ impl Profile {
     /// px, and all that is below a level of saturation.
     pub(crate) fn lean(&self, radial: &Radial, white_from: f64, saturated: f64) -> Lean {
         let kernel = Kernel::new(radial);
-        let mut sums = Sides { squares: [Lanes::ZERO; 3], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
+        let mut sums = Sides { squares: [Lanes::ZERO; SQUARES], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
         let mut rings = Rings::new();
         for first in (0..self.used).step_by(BLOCK) {
             weigh_rings(&kernel, first, (white_from, saturated), &mut rings);
+            if let (Some(radius), Some(value)) = (block(&self.radius, first), block(&self.value, first)) {
+                rings.compare_with_mean(first, radius, value);
+            }
             for (cells, quadrant) in self.quadrants().iter().zip(&mut sums.quadrants) {
                 if let Some(cells) = block(cells, first) {
-                    add_sides(cells, &rings, quadrant, &mut sums.squares);
+                    add_sides(cells, &rings, self.used - first, quadrant, &mut sums.squares);
                 }
             }
         }
         // Half of the squared directions lie along x, half along y.
         let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
-        let [square, cross, white_square] = sums.squares.map(|sum| 0.5 * sum.sum());
+        let [square, cross, white_steep, information] = sums.squares.map(|sum| 0.5 * sum.sum());
         let [steep, white] = [0, 1].map(|k| sides(&sums.quadrants.map(|quadrant| quadrant[k].sum())));
-        let white_slope = white.map(|side| side / white_square.max(1.0));
+        // The mean takes with it what both sides have in common.
+        let white_square = information.max(1.0);
+        let told = self.lopsided(white_from).map(|square| (1.0 - square / white_square).max(LEAST_TOLD));
+        let white = [0, 1].map(|i| white[i] / told[i]);
+        // What is left of the edge in the white follows the centre.
+        let determinant = square * white_square - cross * white_steep;
         Lean {
-            step: [0, 1].map(|i| (steep[i] - cross * white_slope[i]) / (square * per_px)),
-            white_slope,
-            white_information: white_square,
+            step: [0, 1].map(|i| (white_square * steep[i] - cross * white[i]) / (determinant * per_px)),
+            white_slope: [0, 1].map(|i| (square * white[i] - white_steep * steep[i]) / determinant),
+            // Less than the pixels', for a quadrant's all count by its mean direction.
+            white_information: SIDE * SIDE * information * (told[0] + told[1]),
         }
+    }
+
+    /// Squares of the slope, along x and y, that the means of rings from a radius on, px, take with them: few
+    /// rows see more of one side than of the other.
+    fn lopsided(&self, from: f64) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for ring in (from * f64::from(PER_PX) + 0.5) as usize..self.used.min(RINGS) {
+            let count = self.count[ring];
+            if count > 0.0 {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| unpacked(self.cells[k * RINGS + ring]).0);
+                let per_count = self.radius[ring] * self.radius[ring] / count;
+                for (sum, more) in sums.iter_mut().zip([a - b + c - d, a + b - c - d]) {
+                    *sum += 0.5 * more * more * per_count;
+                }
+            }
+        }
+        sums.map(f64::from)
     }
 
     /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a
     /// post makes a ring of cells darker than the profile by more than `share` of the contrast. What white
-    /// there is before it, less what blur darkens unseen, stays in the cells.
-    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64) -> f64 {
+    /// there is before it, less what blur darkens unseen, stays in the cells. Saturated white is darker than
+    /// the profile and no sheet's edge.
+    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64, saturated: f64) -> f64 {
         let kernel = Kernel::new(radial);
-        let most = (share * radial.contrast) as f32;
+        let (most, saturated, reach) = ((share * radial.contrast) as f32, saturated as f32, kernel.reach());
         let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(PER_PX)) as usize;
         let columns = self.radius.iter().zip(&self.value).zip(&self.count).take(self.used).skip(from);
         let mut dark = columns.map(|((radius, value), count)| {
+            if *count == 0.0 {
+                return false;
+            }
             // Nearer to the edge the profile itself is less well known.
             let (steep, _, covered) = kernel.at(*radius);
             let most = most * (1.0 + 3.0 * steep);
-            *count > 0.0 && kernel.white - kernel.contrast * covered - *value > most
+            let is_darker = kernel.white - kernel.contrast * covered - *value > most;
+            is_darker && *value + reach * steep < saturated
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
         let (first, used) = (from + first, self.used);
@@ -343,17 +382,22 @@ fn unpacked(cell: u64) -> (f32, f32, f32) {
     ((upper / COUNT) as i32 as f32, (upper % COUNT) as i32 as f32, cell as u32 as i32 as f32)
 }
 
-/// Sums of both sides: the squares of steepness and slope (steepness, mixed, slope of the white alone), and
-/// for every quadrant residuals times steepness and times slope of the white alone.
+/// Squares of the steepness, of it with the slope and with the slope of the white alone, and of the latter.
+const SQUARES: usize = 4;
+
+/// Sums of both sides: these squares, and for every quadrant residuals times steepness and times slope of the
+/// white alone.
 struct Sides {
-    squares: [Lanes; 3],
+    squares: [Lanes; SQUARES],
     quadrants: [[Lanes; 2]; QUADRANTS],
 }
 
-/// What a block of rings of cells has in common: the model's value at their beginning and its change with a
-/// part, its change as centre and slope change, and the latter in the white alone.
+/// What a block of rings of cells has in common: the model's value at their beginning, their own mean there,
+/// the change of both with a part, the model's change as centre and slope change, and the latter in the white
+/// alone.
 struct Rings {
     model: Column,
+    mean: Column,
     by_part: Column,
     steep: Column,
     slope: Column,
@@ -363,32 +407,48 @@ struct Rings {
 impl Rings {
     fn new() -> Self {
         let zero = [0.0; BLOCK];
-        Self { model: zero, by_part: zero, steep: zero, slope: zero, white: zero }
+        Self { model: zero, mean: zero, by_part: zero, steep: zero, slope: zero, white: zero }
+    }
+
+    /// Compares sides with the mean of all of them, at the rings' mean radii: few rows see more of one side
+    /// than of the other, and what the profile does not explain would lean to that side.
+    fn compare_with_mean(&mut self, first: usize, radius: &Column, value: &Column) {
+        for i in 0..BLOCK {
+            let part = (radius[i] * PER_PX - (first + i) as i32 as f32) * PARTS as f32;
+            self.mean[i] = value[i] - part * self.by_part[i];
+        }
     }
 }
 
-/// A block of rings of one quadrant.
-fn block(cells: &[u64; RINGS], first: usize) -> Option<&[u64; BLOCK]> {
-    cells.get(first..)?.first_chunk()
+/// A block of what is known of all rings.
+fn block<T>(rings: &[T; RINGS], first: usize) -> Option<&[T; BLOCK]> {
+    rings.get(first..)?.first_chunk()
 }
 
 /// Not inlined, as [`sort`]: so the compiler makes one loop over whole vectors of it.
 #[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
-fn add_sides(cells: &[u64; BLOCK], rings: &Rings, quadrant: &mut [Lanes; 2], squares: &mut [Lanes; 3]) {
-    for i in 0..RUNS {
+fn add_sides(
+    cells: &[u64; BLOCK],
+    rings: &Rings,
+    used: usize,
+    quadrant: &mut [Lanes; 2],
+    squares: &mut [Lanes; SQUARES],
+) {
+    for i in 0..used.div_ceil(LANES).min(RUNS) {
         let at = |column: &Column| Lanes::load(column, i);
         let cell: [_; LANES] = core::array::from_fn(|lane| unpacked(cells[LANES * i + lane]));
         let (count, parts) = (Lanes::of(cell.map(|cell| cell.0)), Lanes::of(cell.map(|cell| cell.1)));
         let value = Lanes::of(cell.map(|cell| cell.2));
         let (steep, slope, white) = (at(&rings.steep), at(&rings.slope), at(&rings.white));
-        let residual = value - count * at(&rings.model) - parts * at(&rings.by_part);
-        quadrant[0] += steep * residual;
-        quadrant[1] += white * residual;
+        let value = value - parts * at(&rings.by_part);
+        quadrant[0] += steep * (value - count * at(&rings.model));
+        quadrant[1] += white * (value - count * at(&rings.mean));
         let counted = steep * count;
         squares[0] += counted * steep;
         squares[1] += counted * slope;
-        squares[2] += white * white * count;
+        squares[2] += counted * white;
+        squares[3] += white * white * count;
     }
 }
 
@@ -577,4 +637,54 @@ fn solve(sums: &[f64; EVEN_SUMS]) -> Option<[f64; EVEN]> {
         solution[k] = known * per_pivot[k];
     }
     Some(solution)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::length;
+
+    const RADIAL: Radial = Radial { white: 2000.0, contrast: 1600.0, outer: 12.0, inner: 6.0, blur: 0.7 };
+
+    /// What the sides of every third row say of white that is brighter than the profile by a level that grows
+    /// outwards, and that slopes along x and y.
+    fn lean(brighter: f64, slope: [f64; 2]) -> Lean {
+        let kernel = Kernel::new(&RADIAL);
+        let mut profile = std::boxed::Box::new(Profile::new());
+        profile.clear(16.0);
+        for y in (-15..=16).step_by(3) {
+            let mut places = Places::new();
+            let mut values = [0; BLOCK];
+            for (i, x) in (-15..=16).enumerate() {
+                let (x, y) = (f64::from(x) - 0.2, f64::from(y) - 0.4);
+                let radius = length(x, y);
+                places.x[i] = (x / radius) as f32;
+                places.y[i] = (y / radius) as f32;
+                places.radius[i] = if radius < 16.0 { radius as f32 } else { FARTHEST_PX };
+                let (_, _, covered) = kernel.at(radius as f32);
+                let white = 2000.0 + slope[0] * x + slope[1] * y;
+                let more = brighter * (radius - 12.0).max(0.0);
+                values[i] = (white * (1.0 - 0.8 * f64::from(covered)) + more).round() as u16;
+            }
+            profile.add(&places, &values);
+        }
+        profile.close();
+        profile.lean(&RADIAL, 13.4, f64::INFINITY)
+    }
+
+    #[test]
+    fn white_that_the_profile_does_not_explain_leans_to_no_side() {
+        // As much as the white of a sheet changes over a ring under light that is uneven by a tenth.
+        let [x, y] = lean(20.0, [0.0; 2]).white_slope;
+        assert!(x.abs() < 0.1 && y.abs() < 0.1, "{x} {y}");
+    }
+
+    #[test]
+    fn few_rows_tell_the_slope_of_the_white_along_either_axis() {
+        for slope in [[3.0, 0.0], [0.0, 3.0], [-2.0, 2.0]] {
+            let [x, y] = lean(20.0, slope).white_slope;
+            // A quadrant's pixels are not spread evenly over its directions.
+            assert!((x - slope[0]).abs() < 0.3 && (y - slope[1]).abs() < 0.3, "{slope:?}: {x} {y}");
+        }
+    }
 }

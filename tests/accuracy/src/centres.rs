@@ -11,6 +11,9 @@ use crate::table::Table;
 /// Exposures of every ring.
 const EXPOSURES: u32 = 100;
 
+/// The narrowest margin of white of the claim, px: the outer circles of an A3 7-CCC at 5 m.
+const MARGIN_PX: f64 = 4.0;
+
 /// What one ring's exposures came to.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
@@ -18,6 +21,8 @@ pub struct Outcome {
     pub over_bound: f64,
     /// The bound, px.
     pub bound_px: f64,
+    /// The bound with no more white counted than the narrowest margin has, px.
+    pub bound_of_margin_px: f64,
     /// Mean error, px, along u and v.
     pub bias_px: [f64; 2],
     /// Mean normalised squared error; 2 is true.
@@ -52,15 +57,28 @@ pub fn run(conditions: Conditions, seed: u64, exposures: u32) -> Outcome {
     }
     let of = |axis: usize| errors.iter().map(|error| error[axis]).collect::<Vec<f64>>();
     let square = mean(&errors.iter().map(|[u, v]| 0.5 * (u * u + v * v)).collect::<Vec<_>>());
-    let bound_px = scene.bound_px();
+    let bound_px = scene.bound_px(f64::INFINITY);
     Outcome {
         over_bound: square.sqrt() / bound_px,
         bound_px,
+        bound_of_margin_px: scene.bound_px(MARGIN_PX),
         bias_px: [mean(&of(0)), mean(&of(1))],
         squared: mean(&squared),
         measured: exposures - refused,
         refused,
     }
+}
+
+/// Error of a ring, px, in a picture without noise of 16 bits; `None` where it is refused.
+pub fn bias(conditions: Conditions, seed: u64) -> Option<[f64; 2]> {
+    let mut random = Random::new(seed);
+    let scene = Scene::new(Conditions { bits: 16, ..conditions }, &mut random);
+    let truth = scene.projected();
+    let at = truth.centre.map(|at| at + random.within(1.5));
+    let search = Search { shape: truth.shape, bias: truth.bias, ..Search::round(at, conditions.diameter_px) };
+    let mut tracker = Box::new(Tracker::new(Settings::default()));
+    let ring = tracker.look(&scene.frame(&scene.exact(&scene.light())), &search).ok()?;
+    Some([0, 1].map(|i| ring.centre.at[i] - truth.centre[i]))
 }
 
 /// The cases of the claim: one thing after the other taken to its ends.

@@ -205,6 +205,15 @@ impl Scene {
         }
     }
 
+    /// The samples of an exposure without noise, as exactly as the bits tell.
+    pub fn exact(&self, light: &[f64]) -> Vec<u8> {
+        let full = self.full();
+        light
+            .iter()
+            .flat_map(|light| ((light * full).round().clamp(0.0, full) as u16).to_le_bytes())
+            .collect()
+    }
+
     /// A frame over such samples.
     pub fn frame<'a>(&self, bytes: &'a [u8]) -> Frame<'a> {
         let size = (self.size as u16, self.size as u16);
@@ -213,8 +222,8 @@ impl Scene {
 
     /// The least standard deviation per axis that any unbiased centre can have, px: Cramer and Rao's bound
     /// for the centre beside eight unknowns - levels of white and black, both slopes of the light, both radii
-    /// and the blur - from all pixels that are not clipped.
-    pub fn bound_px(&self) -> f64 {
+    /// and the blur - from all pixels that are not clipped, up to so many px of white around the ring.
+    pub fn bound_px(&self, white_px: f64) -> f64 {
         let projected = self.projected();
         let mut information = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
         let step = 1e-4;
@@ -233,12 +242,15 @@ impl Scene {
         };
         for i in 0..self.size * self.size {
             let at = [(i % self.size) as f64, (i / self.size) as f64];
-            let Some(level) = self.model(&projected, at, &Change::default()) else { continue };
+            if self.is_beyond(&projected, at, white_px) {
+                continue;
+            }
+            let level = self.model(&projected, at, &Change::default());
             let variance = self.variance(level);
             if level + 2.0 * variance.sqrt() > 1.0 {
                 continue;
             }
-            let of = |k: usize, by: f64| self.model(&projected, at, &change(k, by)).unwrap_or(level);
+            let of = |k: usize, by: f64| self.model(&projected, at, &change(k, by));
             let rates =
                 SMatrix::<f64, UNKNOWNS, 1>::from_fn(|k, _| (of(k, step) - of(k, -step)) / (2.0 * step));
             information += rates * rates.transpose() / variance;
@@ -251,24 +263,35 @@ impl Scene {
         (0.5 * (variance(0) + variance(1))).sqrt()
     }
 
-    /// The level of a pixel by blurred edges along ellipses; `None` where there is no white any more.
-    fn model(&self, projected: &Projected, at: [f64; 2], change: &Change) -> Option<f64> {
+    /// A place in the picture in the plane where the outer edge is a circle about the origin, and that circle's
+    /// radius, px.
+    fn in_circle(&self, projected: &Projected, at: [f64; 2]) -> ([f64; 2], f64, f64) {
         let [uu, uv, vv] = projected.shape;
         let root = (uu * vv - uv * uv).sqrt();
-        let [u, v] = [0, 1].map(|i| at[i] - projected.centre[i] - change.at[i]);
+        let [u, v] = [0, 1].map(|i| at[i] - projected.centre[i]);
         let radius = ((vv * u * u - 2.0 * uv * u * v + uu * v * v) / root).sqrt();
-        let outer = 2.0 * root.sqrt();
+        ([u, v], radius, 2.0 * root.sqrt())
+    }
+
+    /// Whether a pixel sees the dark beyond the sheet, or is further from the ring than white is counted.
+    fn is_beyond(&self, projected: &Projected, at: [f64; 2], white_px: f64) -> bool {
+        let (_, radius, outer) = self.in_circle(projected, at);
         // In the circle's plane the tilt stretches what is across it.
         let stretch = self.conditions.angle_deg.to_radians().cos().sqrt().recip();
-        if radius > outer + stretch * (self.conditions.margin_px - 2.0 * self.conditions.blur_px) {
-            return None;
-        }
+        let white = (self.conditions.margin_px - 2.0 * self.conditions.blur_px).min(white_px);
+        radius > outer + stretch * white
+    }
+
+    /// The level of a pixel by blurred edges along ellipses.
+    fn model(&self, projected: &Projected, at: [f64; 2], change: &Change) -> f64 {
+        let at = [0, 1].map(|i| at[i] - change.at[i]);
+        let ([u, v], radius, outer) = self.in_circle(projected, at);
         let blur = (self.conditions.blur_px.powi(2) + 1.0 / 12.0).sqrt() + change.blur;
         let within = |edge: f64| normal_share((edge - radius) / blur);
         let white = (self.conditions.white + change.white)
             * (1.0 + (self.slope[0] + change.slope[0]) * u + (self.slope[1] + change.slope[1]) * v);
         let depth = 1.0 - 0.12 / 0.8 + change.black;
-        Some(white * (1.0 - depth * (within(outer + change.outer) - within(outer / RATIO + change.inner))))
+        white * (1.0 - depth * (within(outer + change.outer) - within(outer / RATIO + change.inner)))
     }
 }
 
