@@ -1,7 +1,7 @@
 //! The claims about centres, asserted in short form; `cargo run --release -p accuracy centres` prints the
 //! whole table.
 
-use accuracy::centres::{Outcome, own_bias, run};
+use accuracy::centres::{Outcome, bias, own_bias, run};
 use accuracy::picture::Conditions;
 use accuracy::statistics::{mean, median};
 
@@ -90,5 +90,42 @@ fn a_small_ring_whose_edges_blur_joins_is_found_and_states_what_its_centre_is_wo
         // than too little.
         let squared = mean(&outcomes.iter().map(|o| o.squared).collect::<Vec<_>>());
         assert!(squared < TRUE_SQUARED * (1.0 + MOST_OFF_SQUARED), "{margin_px} px: {squared}");
+    }
+}
+
+#[test]
+fn a_small_blurred_ring_on_a_wide_sheet_leans_to_no_side() {
+    let conditions = Conditions {
+        diameter_px: 13.6,
+        angle_deg: 12.0,
+        blur_px: 1.4,
+        uneven: 0.05,
+        margin_px: 10.5,
+        ..Conditions::default()
+    };
+    let biases: Vec<[f64; 2]> = (0..24).filter_map(|seed| bias(conditions, seed)).collect();
+    assert_eq!(biases.len(), 24);
+    for axis in 0..2 {
+        // Of all rings together, and of one.
+        let all = mean(&biases.iter().map(|bias| bias[axis]).collect::<Vec<_>>());
+        let one = mean(&biases.iter().map(|bias| bias[axis].powi(2)).collect::<Vec<_>>()).sqrt();
+        assert!(all.abs() < 0.5 * MOST_BIAS_PX && one < MOST_BIAS_PX, "{axis}: {all} {one}");
+    }
+}
+
+#[test]
+fn half_an_edge_under_clipped_white_is_enough() {
+    // Large rings, whose bound is a thousandth of a pixel, and small ones whose black is bright by blur.
+    for (diameter_px, blur_px, angle_deg) in [(58.0, 0.8, 15.0), (45.0, 0.6, 15.0), (14.0, 1.4, 10.0)] {
+        let conditions = Conditions {
+            diameter_px,
+            blur_px,
+            angle_deg,
+            white: 1.6,
+            bits: 10,
+            margin_px: 8.0,
+            ..Conditions::default()
+        };
+        check(&format!("{diameter_px} px, blur {blur_px} px"), conditions);
     }
 }
