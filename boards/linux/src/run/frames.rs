@@ -55,6 +55,7 @@ impl Frames<'_> {
                 Step::NoFrame(CameraErrorKind::Ended) => break,
                 Step::NoFrame(CameraErrorKind::Lost | CameraErrorKind::Stalled) => {
                     summary.losses += 1;
+                    costs.begin_again();
                     self.status.set(State::Fault);
                     continue;
                 }
@@ -62,7 +63,7 @@ impl Frames<'_> {
             }
             summary.frames += 1;
             summary.poses += u64::from(step == Step::Measured);
-            costs.note(summary.frames, asked, &self.notices);
+            costs.note(asked, &self.notices);
         }
         self.watchdog.stopping();
         self.engine.end(hardware, outbox);
@@ -75,21 +76,29 @@ impl Frames<'_> {
 /// What frames must not cost: page faults and allocations.
 #[derive(Default)]
 struct Costs {
+    /// Frames since the camera was opened.
+    frames: u64,
     faults: Option<Faults>,
     page_faults: i64,
     allocations: Option<u64>,
 }
 
 impl Costs {
+    /// The camera is lost: opening it again costs, and so do the first frames after that.
+    fn begin_again(&mut self) {
+        (self.frames, self.faults) = (0, None);
+    }
+
     /// Notes the allocations of a frame, where they are counted, and looks for page faults now and then. What
     /// the first frames touch for the first time is no trouble; the first trouble is told in the records.
-    fn note(&mut self, frames: u64, asked: Option<u64>, notices: &Notices) {
-        if frames < LOOK {
+    fn note(&mut self, asked: Option<u64>, notices: &Notices) {
+        self.frames += 1;
+        if self.frames < LOOK {
             return;
         }
-        let Some(faults) = &self.faults else {
+        let Some(faults) = &mut self.faults else {
             self.faults = Some(Faults::start());
-            self.allocations = asked.map(|_| 0);
+            self.allocations = self.allocations.or(asked.map(|_| 0));
             return;
         };
         if let (Some(all), Some(asked)) = (&mut self.allocations, asked) {
@@ -98,12 +107,40 @@ impl Costs {
             }
             *all += asked;
         }
-        if frames.is_multiple_of(LOOK) {
-            let count = faults.count();
+        if self.frames.is_multiple_of(LOOK) {
+            let count = std::mem::replace(faults, Faults::start()).count();
             if count > 0 && self.page_faults == 0 {
                 notices.mark("page faults in the frame loop: memory is short or not locked");
             }
-            self.page_faults = count;
+            self.page_faults += count;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn page_faults_count_but_for_those_of_a_camera_that_is_opened_again() {
+        let (notices, _taken) = Notices::channel();
+        let mut costs = Costs::default();
+        // Kept, for memory that is freed would be given again, and cost no fault.
+        let mut kept = Vec::new();
+        let mut touch = || kept.push(vec![1u8; 1 << 22]);
+        let look = |costs: &mut Costs| (0..LOOK).for_each(|_| costs.note(None, &notices));
+        touch();
+        look(&mut costs);
+        look(&mut costs);
+        assert_eq!(costs.page_faults, 0, "before the first frames");
+        touch();
+        costs.begin_again();
+        touch();
+        look(&mut costs);
+        look(&mut costs);
+        assert_eq!(costs.page_faults, 0, "while the camera was away");
+        touch();
+        look(&mut costs);
+        assert!(costs.page_faults > 0);
     }
 }
