@@ -1,10 +1,11 @@
 //! Pictures whose samples are packed as on the camera's bus, through a real device.
 
 use e2e::bench;
+use e2e::guest::Guest;
 
 use crate::receiver::{Receiver, free_port};
 use crate::same_bytes::{assert_same, replay};
-use crate::show::{RATE_HZ, Show};
+use crate::show::{RATE_HZ, Show, begin};
 
 /// Frames of the ride that are shown: rest, and the first motion.
 const FRAMES: usize = 30;
@@ -55,13 +56,10 @@ fn packed_pictures_of_a_real_device_give_the_bytes_of_the_bench() {
         );
     }
     let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), *bytes)).collect();
-    let mut board = e2e::guest::Guest::boot(&job, &files);
+    let mut board = Guest::boot(&job, &files);
     for (bits, show, _, own, _, receiver) in depths {
         receiver.wait_for(12);
-        board.go();
-        let line = board.expect("fed from");
-        let first: u32 =
-            line.rsplit(' ').next().and_then(|n| n.parse().ok()).expect("the number of the first frame");
+        let first = begin(&mut board);
         board.go();
         board.expect("board: box ended with 0");
         let (_, said) = receiver.end();

@@ -9,7 +9,7 @@ use gangway_wire::Histogram;
 
 use crate::receiver::{Receiver, free_port};
 use crate::said::Said;
-use crate::show::{RATE_HZ, Show, job};
+use crate::show::{RATE_HZ, Show, begin, job};
 
 /// The same frames with the same numbers and times through a bench, with the capture's name in the folder.
 pub(crate) fn replay(
@@ -66,10 +66,7 @@ fn the_emulated_box_gives_the_bytes_of_the_bench_over_tcp() {
         kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"";
     let mut board = show.boot(&job);
     receiver.wait_for(12);
-    board.go();
-    let line = board.expect("fed from");
-    let first: u32 =
-        line.rsplit(' ').next().and_then(|n| n.parse().ok()).expect("the number of the first frame");
+    let first = begin(&mut board);
     board.go();
     board.expect("board: box ended with 0");
     board.wait();

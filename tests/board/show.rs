@@ -77,3 +77,10 @@ pub(crate) fn job(to: &str) -> String {
             "
         )
 }
+
+/// Lets the ride begin, and gives the number of its first frame.
+pub(crate) fn begin(board: &mut Guest) -> u32 {
+    board.go();
+    let line = board.expect("fed from");
+    line.rsplit(' ').next().and_then(|n| n.parse().ok()).expect("the number of the first frame")
+}
