@@ -1,5 +1,6 @@
 use super::*;
 use crate::length;
+use crate::profile::{FARTHEST_PX, Places};
 
 const RADIAL: Radial = Radial { white: 2000.0, contrast: 1600.0, outer: 12.0, inner: 6.0, blur: 0.7 };
 
