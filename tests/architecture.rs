@@ -72,5 +72,11 @@ fn firmware_is_no_std_forbids_unsafe_and_has_no_std_feature() {
         assert!(source.contains("#![no_std]"), "{root} is not no_std");
         assert!(source.contains("#![forbid(unsafe_code)]"), "{root} does not forbid unsafe code");
         assert!(!package.features.contains_key("std"), "{} has a std feature", package.name);
+        // AVX2 is asked for at run time, by the standard library: nothing else may want that.
+        let lines: Vec<&str> = source.lines().collect();
+        for pair in lines.windows(2).filter(|pair| pair[1].contains("extern crate std")) {
+            let only = ["#[cfg(test)]", r#"#[cfg(any(test, feature = "avx2"))]"#];
+            assert!(only.contains(&pair[0]), "{root}: {} before {}", pair[0], pair[1]);
+        }
     }
 }
