@@ -174,7 +174,12 @@ impl Kernel {
         // The square of how fast the radius grows with a step in the picture is n^T root^2 n, and root^2 the
         // inverse of the shape; 1 / sqrt(g) is 3/2 - g/2 about 1. The squares of a direction sum to 1.
         let [uu, uv, vv] = model.shape;
-        let narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
+        let mut narrow = [1.5 - 0.5 * vv, uv, 0.5 * (vv - uu)];
+        if saturated == f64::INFINITY {
+            // The profile's width is that of all directions together: without the next term, which clipped
+            // edges have, their mean is to be 1.
+            narrow[0] = 1.0 - 0.5 * narrow[2];
+        }
         let depth = (radial.contrast / radial.white) as f32;
         let in_patch = |at: [f64; 2]| [0, 1].map(|i| (at[i] - origin[i]) as f32);
         let edge = |radius: f64, share: f64, other: f64, rise: f32| Edge {
