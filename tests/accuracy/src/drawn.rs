@@ -11,7 +11,7 @@ use crate::table::Table;
 /// Cases for every seed, and rings and exposures of each.
 const CASES: u64 = 15;
 const RINGS: u64 = 4;
-const EXPOSURES: u32 = 40;
+const EXPOSURES: u32 = 100;
 
 /// Conditions anywhere within the claim, but for the white.
 fn anywhere(white: f64, random: &mut Random) -> Conditions {
@@ -34,7 +34,7 @@ pub fn table(seeds: u64) -> Table {
             "Centres where all of it is drawn at random: 12 to 60 px, 0 to 35 degrees, blur 0.4 to 1.5 px, light\n\
              uneven by 0 to 30 %, 8 to 12 bits, white for 4 to 12 px around. {} cases of {RINGS} rings with\n\
              {EXPOSURES} exposures a line; error over the bound as its median, its 95th percentile and the share\n\
-             of cases within 1.25 (chance makes 5 % of a case's), also of the bound that counts no more than\n\
+             of cases within 1.25 (chance makes 3 % of a case's), also of the bound that counts no more than\n\
              4 px of white; bias per axis of all rings, root mean square, and of the one that has most of it,\n\
              from pictures without noise; and the share of rings with a bias of less than 0.003 px.",
             seeds * CASES
