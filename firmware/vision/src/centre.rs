@@ -16,7 +16,7 @@ use crate::light::Light;
 use crate::loader::{Rect, full_scale};
 use crate::model::{Kernel, Model, WHITE_WEIGHT};
 use crate::patch::{Belt, Part, Patch};
-use crate::profile::{Lean, Profile, Radial};
+use crate::profile::{FINE, Lean, Profile, ROUGH, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
 
 pub(crate) use disc::measure as measure_disc;
@@ -33,6 +33,8 @@ const FITTED: f64 = 2.5;
 /// with its square, and what leaks in on one side only moves the centre.
 const NO_LONGER_WHITE: f64 = 0.02;
 const LEAKS_FROM_PX: f64 = 12.0;
+/// How far before the end of the white blur darkens it unseen, standard deviations of the blur.
+const DARKENED: f64 = 1.5;
 
 /// Rows through a ring that make its profile; of a small ring it is every third one. What clipped white
 /// leaves of the edges needs all of them.
@@ -178,14 +180,13 @@ fn rough(frame: &Frame, candidate: &Candidate, search: &Search) -> Result<(Rect,
     // A pose knows the shape better than the pixels of one ring.
     let [uu, uv, vv] = if search.confident { search.shape } else { candidate.shape };
     let root = libm::sqrt(uu * vv - uv * uv);
-    let radial = Radial {
-        // The profile will tell the levels.
-        white: 1.0,
-        contrast: 0.0,
-        outer: candidate.outer,
-        inner: candidate.inner,
-        blur: FIRST_BLUR,
+    let (outer, inner) = if search.confident {
+        (2.0 * libm::sqrt(root), 2.0 * libm::sqrt(root) / search.ratio)
+    } else {
+        (candidate.outer, candidate.inner)
     };
+    // The profile will tell the levels.
+    let radial = Radial { white: 1.0, contrast: 0.0, outer, inner, blur: FIRST_BLUR };
     let shape = [uu / root, uv / root, vv / root];
     let inner_bias = 1.0 / (search.ratio * search.ratio);
     let mut model = Model { centre, shape, radial, slope: [0.0; 2], bias: [0.0; 2], inner_bias };
@@ -247,21 +248,25 @@ fn settle(
     ratio: f64,
     saturated: f64,
 ) -> Result<(Lean, f64), Refusal> {
-    let end = model.radial.outer + FITTED;
-    model.radial = profile.fit(&model.radial, ratio, end, saturated).ok_or(Refusal::Outline)?;
-    let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / model.radial.outer).min(1.0);
-    let white_end = profile.end_at_dark(&model.radial, borne, saturated);
-    let white_from = model.radial.outer + BELT * model.radial.half_width() + SLACK_PX;
-    let mut lean = profile.lean(&model.radial, white_from, saturated);
+    let reach = (model.radial.outer + FITTED, saturated);
+    let rough = profile.fit(&model.radial, ratio, reach, &ROUGH).ok_or(Refusal::Outline)?;
+    let borne = NO_LONGER_WHITE * (LEAKS_FROM_PX / rough.outer).min(1.0);
+    let white_end = profile.white_end(&rough, borne, saturated);
+    let white_from = rough.outer + BELT * rough.half_width() + SLACK_PX;
+    let around = white_from..white_end - DARKENED * rough.blur;
+    let mut lean = profile.lean(&rough, &around, saturated);
     // It is weighed against pixels of the edges.
     lean.white_information *= WHITE_WEIGHT;
     // Written so that a NaN is refused too.
     if !(length(lean.step[0], lean.step[1]) < 2.0 && lean.white_information >= 0.0) {
         return Err(Refusal::Outline);
     }
+    profile.centre(&rough, lean.step);
+    let reach = (reach.0.min(white_end), saturated);
+    let fine = profile.fit(&rough, ratio, reach, &FINE).ok_or(Refusal::Outline)?;
     // An edge's radius about another centre than its own varies by a sine: that much of the blur is none.
     let [x, y] = lean.step;
-    model.radial = model.radial.less_blur(0.5 * (x * x + y * y) + model.apart());
+    model.radial = fine.less_blur(0.5 * (x * x + y * y) + model.apart());
     let [u, v] = model.out_of_circle(lean.step);
     model.centre = [model.centre[0] + u, model.centre[1] + v];
     Ok((lean, white_end))

@@ -17,6 +17,9 @@ pub(crate) use lean::Lean;
 /// Quadrants of the direction from the centre: bit 0 is set where x is negative, bit 1 where y is.
 const QUADRANTS: usize = 4;
 
+/// Mean of a direction's coordinate over a quadrant.
+const SIDE: f64 = core::f64::consts::FRAC_2_PI;
+
 /// Rings of cells, those of 1 px, and the parts of one in which radii are counted.
 const RINGS: usize = 256;
 const PER_PX: f32 = 2.0;
@@ -44,12 +47,20 @@ const REACH_PX: f32 = 0.15;
 /// Pixels of a ring whose mean is a level.
 const ENOUGH: f32 = 4.0;
 
-/// Most passes of Gauss-Newton, from a start within a third of a pixel and a factor of two in the blur, and
-/// the steps of the radii and of the half width, shares of the half width, below which one is the last: the
-/// next one's would be of their square. Under clipped white the level, radii and blur follow from what is
-/// left of the edges, and slowly.
-const WHOLE: (usize, f64, f64) = (5, 0.1, 0.2);
-const CLIPPED: (usize, f64, f64) = (24, 0.001, 0.001);
+/// How far Gauss-Newton goes.
+pub(crate) struct Passes {
+    most: usize,
+    /// Steps of the radii and of the half width, shares of the half width, below which a pass is the last: the
+    /// next one's would be of their square.
+    radii: f64,
+    width: f64,
+}
+
+/// From a start within a third of a pixel and a factor of two in the blur; and from what that gave.
+pub(crate) const ROUGH: Passes = Passes { most: 5, radii: 0.1, width: 0.2 };
+pub(crate) const FINE: Passes = Passes { most: 2, radii: 0.03, width: 0.06 };
+/// Under clipped white the level, radii and blur follow from what is left of the edges, and slowly.
+const CLIPPED: Passes = Passes { most: 24, radii: 0.001, width: 0.001 };
 
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
@@ -141,6 +152,9 @@ pub(crate) struct Profile {
     radius: [f32; RINGS],
     value: [f32; RINGS],
     count: [f32; RINGS],
+    /// Share of them by which more are on the right than on the left, and below than above.
+    right: [f32; RINGS],
+    below: [f32; RINGS],
 }
 
 /// Where the pixels of a block are in the circle's plane: direction from the centre, and distance, px.
@@ -179,7 +193,8 @@ const LOWER_SUMS: usize = EVEN_SUMS - UPPER_SUMS;
 
 impl Profile {
     pub(crate) const fn new() -> Self {
-        Self { cells: [0; CELLS], used: 0, radius: [0.0; RINGS], value: [0.0; RINGS], count: [0.0; RINGS] }
+        let zero = [0.0; RINGS];
+        Self { cells: [0; CELLS], used: 0, radius: zero, value: zero, count: zero, right: zero, below: zero }
     }
 
     /// Starts over, for pixels up to `end` px from the centre.
@@ -212,9 +227,13 @@ impl Profile {
     /// Makes the profile of the cells.
     pub(crate) fn close(&mut self) {
         for ring in 0..self.used.min(RINGS) {
-            let sum = (0..QUADRANTS).fold(0u64, |sum, k| sum.wrapping_add(self.cells[k * RINGS + ring]));
+            let cells = [0, 1, 2, 3].map(|k| self.cells[k * RINGS + ring]);
+            let sum = cells.iter().fold(0u64, |sum, cell| sum.wrapping_add(*cell));
             let (count, parts, value) = unpacked(sum);
             let per_count = if count > 0.0 { 1.0 / count } else { 0.0 };
+            let [a, b, c, d] = cells.map(|cell| ((cell >> UPPER) as u32 / COUNT) as i32);
+            self.right[ring] = (a - b + c - d) as f32 * per_count;
+            self.below[ring] = (a + b - c - d) as f32 * per_count;
             self.count[ring] = count;
             self.radius[ring] = (ring as i32 as f32 + parts * per_count / PARTS as f32) / PER_PX;
             self.value[ring] = value * per_count;
@@ -236,14 +255,19 @@ impl Profile {
     /// Fits levels, radii and blur to the rings up to `end` px that are darker than `saturated`, from a
     /// start. The ratio of the radii is expected to be that of the ring. `None` where the pixels do not
     /// determine a ring.
-    pub(crate) fn fit(&self, start: &Radial, ratio: f64, end: f64, saturated: f64) -> Option<Radial> {
+    pub(crate) fn fit(
+        &self,
+        start: &Radial,
+        ratio: f64,
+        (end, saturated): (f64, f64),
+        passes: &Passes,
+    ) -> Option<Radial> {
         let mut radial = *start;
         let zero = [0.0; BLOCK];
         let mut terms = Terms { count: zero, rows: [zero; EVEN], residual: zero };
-        let is_clipped = saturated < f64::INFINITY;
-        let (passes, small, small_width) = if is_clipped { CLIPPED } else { WHOLE };
+        let passes = if saturated < f64::INFINITY { &CLIPPED } else { passes };
         let rings = ((end * f64::from(PER_PX)) as usize + 1).min(self.used);
-        for _ in 0..passes {
+        for _ in 0..passes.most {
             let (mut upper, mut lower) = ([Lanes::ZERO; UPPER_SUMS], [Lanes::ZERO; LOWER_SUMS]);
             let kernel = Kernel::new(&radial);
             let limits = (end as f32, saturated as f32);
@@ -272,18 +296,17 @@ impl Profile {
                 return None;
             }
             let [radii, width] = [step[2].abs().max(step[3].abs()), step[4].abs()];
-            if radii < small * radial.half_width() && width < small_width * radial.half_width() {
+            if radii < passes.radii * radial.half_width() && width < passes.width * radial.half_width() {
                 break;
             }
         }
         Some(radial)
     }
 
-    /// Radius from which on it is no longer white around the ring, px: the sheet's edge, a neighbour or a
-    /// post makes a ring of cells darker than the profile by more than `share` of the contrast. What white
-    /// there is before it, less what blur darkens unseen, stays in the cells. Saturated white is darker than
-    /// the profile and no sheet's edge.
-    pub(crate) fn end_at_dark(&mut self, radial: &Radial, share: f64, saturated: f64) -> f64 {
+    /// Radius up to which it is white around the ring, px: the sheet's edge, a neighbour or a post makes a
+    /// ring of cells darker than the profile by more than `share` of the contrast. Saturated white is darker
+    /// than the profile and no sheet's edge.
+    pub(crate) fn white_end(&self, radial: &Radial, share: f64, saturated: f64) -> f64 {
         let kernel = Kernel::new(radial);
         let (most, saturated, reach) = ((share * radial.contrast) as f32, saturated as f32, kernel.reach());
         let from = ((radial.outer + SEEN * radial.half_width()) * f64::from(PER_PX)) as usize;
@@ -299,13 +322,7 @@ impl Profile {
             is_darker && *value + reach * steep < saturated
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
-        let (first, used) = (from + first, self.used);
-        let end = first.saturating_sub((2.0 * radial.blur * f64::from(PER_PX)) as usize);
-        self.count.get_mut(end..used).unwrap_or_default().fill(0.0);
-        for cells in self.quadrants_mut() {
-            cells.get_mut(end..used).unwrap_or_default().fill(0);
-        }
-        first as f64 / f64::from(PER_PX) - 0.5 * radial.blur
+        (from + first) as f64 / f64::from(PER_PX) - 0.5 * radial.blur
     }
 }
 
@@ -354,6 +371,11 @@ impl Kernel {
         }
     }
 
+    /// Change of the value where an edge is steepest, a px.
+    fn per_px(&self) -> f32 {
+        self.contrast * PEAK as f32 * self.per_width
+    }
+
     /// Steepness of the outer and the inner edge and share that the ring covers, at a radius.
     #[inline(always)]
     fn at(&self, radius: f32) -> (f32, f32, f32) {
@@ -365,7 +387,7 @@ impl Kernel {
     /// How much brighter a cell's pixels are than its mean where an edge is steepest. Of a clipped disc all
     /// is taken that can be: it has little.
     fn reach(&self) -> f32 {
-        REACH_PX * (self.contrast * PEAK as f32 * self.per_width).max(0.0)
+        REACH_PX * self.per_px().max(0.0)
     }
 }
 
@@ -380,8 +402,7 @@ fn compare(
     (end, saturated): (f32, f32),
     terms: &mut Terms,
 ) {
-    let per_px = kernel.contrast * PEAK as f32 * kernel.per_width;
-    let reach = kernel.reach();
+    let (per_px, reach) = (kernel.per_px(), kernel.reach());
     for i in 0..BLOCK {
         let (outer, inner, covered) = kernel.at(radius[i]);
         let by_outer = -per_px * outer;

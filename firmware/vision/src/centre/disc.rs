@@ -12,7 +12,7 @@ use crate::candidate::Candidate;
 use crate::loader::{Rect, full_scale, top};
 use crate::model::{Kernel, Model};
 use crate::patch::{Belt, Part, Patch};
-use crate::profile::{NO_EDGE, Profile, Radial};
+use crate::profile::{NO_EDGE, Profile, ROUGH, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
 
 /// The dark level is at least this share of what the disc has above it: the model's light is a share of the
@@ -124,12 +124,13 @@ fn start(
     profile.clear(end);
     Kernel::new(model, patch.origin(), f64::INFINITY, false).collect(patch, disc, profile);
     profile.close();
-    let mut radial = profile.fit(&model.radial, f64::INFINITY, end, saturated).ok_or(Refusal::Outline)?;
+    let mut radial =
+        profile.fit(&model.radial, f64::INFINITY, (end, saturated), &ROUGH).ok_or(Refusal::Outline)?;
     let dark = radial.white.max(LEAST_DARK * -radial.contrast);
     radial.contrast += dark - radial.white;
     radial.white = dark;
     // The dark around says nothing of how evenly the disc is lit.
-    let mut lean = profile.lean(&radial, f64::INFINITY, saturated);
+    let mut lean = profile.lean(&radial, &(f64::INFINITY..f64::INFINITY), saturated);
     // Written so that a NaN is refused too.
     let is_near = length(lean.step[0], lean.step[1]) < 2.0;
     if !is_near {

@@ -1,13 +1,12 @@
-//! What the two sides of the profile say: roughly how far its centre is off, and how the light slopes.
+//! What the two sides of the profile say: roughly how far its centre is off, and how the light slopes; and the
+//! profile about a better centre.
+
+use core::ops::Range;
 
 use multiversion::multiversion;
 
-use super::{Kernel, PARTS, PER_PX, Profile, QUADRANTS, RINGS, Radial, unpacked};
-use crate::edge::PEAK;
+use super::{Kernel, PARTS, PER_PX, Profile, QUADRANTS, RINGS, Radial, SIDE, unpacked};
 use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
-
-/// Mean of a direction's coordinate over a quadrant.
-const SIDE: f64 = core::f64::consts::FRAC_2_PI;
 
 /// Share of the white's slope that its sides tell beside their means at the least.
 const LEAST_TOLD: f64 = 0.2;
@@ -24,14 +23,14 @@ pub(crate) struct Lean {
 }
 
 impl Profile {
-    /// What the sides say of centre and slope, for a profile that is known. White counts from a radius on,
-    /// px, and all that is below a level of saturation.
-    pub(crate) fn lean(&self, radial: &Radial, white_from: f64, saturated: f64) -> Lean {
+    /// What the sides say of centre and slope, for a profile that is known. `around` are the radii of the white
+    /// around the ring, px: nothing beyond it counts, and nothing above a level of saturation.
+    pub(crate) fn lean(&self, radial: &Radial, around: &Range<f64>, saturated: f64) -> Lean {
         let kernel = Kernel::new(radial);
         let mut sums = Sides { squares: [Lanes::ZERO; SQUARES], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
         let mut rings = Rings::new();
         for first in (0..self.used).step_by(BLOCK) {
-            weigh_rings(&kernel, first, (white_from, saturated), &mut rings);
+            weigh_rings(&kernel, first, (around, saturated), &mut rings);
             if let (Some(radius), Some(value)) = (block(&self.radius, first), block(&self.value, first)) {
                 rings.compare_with_mean(first, radius, value);
             }
@@ -42,12 +41,12 @@ impl Profile {
             }
         }
         // Half of the squared directions lie along x, half along y.
-        let per_px = f64::from(kernel.contrast * kernel.per_width) * PEAK;
+        let per_px = f64::from(kernel.per_px());
         let [square, cross, white_steep, information] = sums.squares.map(|sum| 0.5 * sum.sum());
         let [steep, white] = [0, 1].map(|k| sides(&sums.quadrants.map(|quadrant| quadrant[k].sum())));
         // The mean takes with it what both sides have in common.
         let white_square = information.max(1.0);
-        let told = self.lopsided(white_from).map(|square| (1.0 - square / white_square).max(LEAST_TOLD));
+        let told = self.lopsided(around).map(|square| (1.0 - square / white_square).max(LEAST_TOLD));
         let white = [0, 1].map(|i| white[i] / told[i]);
         // What is left of the edge in the white follows the centre.
         let determinant = square * white_square - cross * white_steep;
@@ -59,17 +58,32 @@ impl Profile {
         }
     }
 
-    /// Squares of the slope, along x and y, that the means of rings from a radius on, px, take with them: few
-    /// rows see more of one side than of the other.
-    fn lopsided(&self, from: f64) -> [f64; 2] {
+    /// Takes out of the rings' means what they owe to a centre that is off by `step`, px: few rows see more of
+    /// one side than of the other.
+    pub(crate) fn centre(&mut self, radial: &Radial, step: [f64; 2]) {
+        let kernel = Kernel::new(radial);
+        let step = step.map(|step| (SIDE * step) as f32 * kernel.per_px());
+        for first in (0..self.used).step_by(BLOCK) {
+            let value = self.value.get_mut(first..).and_then(|rings| rings.first_chunk_mut());
+            if let (Some(radius), Some(right), Some(below), Some(value)) =
+                (block(&self.radius, first), block(&self.right, first), block(&self.below, first), value)
+            {
+                centre_rings(&kernel, step, radius, (right, below), value);
+            }
+        }
+    }
+
+    /// Squares of the slope, along x and y, that the means of white rings take with them: few rows see more of
+    /// one side than of the other.
+    fn lopsided(&self, around: &Range<f64>) -> [f64; 2] {
         let mut sums = [0.0; 2];
-        for ring in (from * f64::from(PER_PX) + 0.5) as usize..self.used.min(RINGS) {
+        let [from, to] = [around.start, around.end].map(|at| (at * f64::from(PER_PX) + 0.5) as usize);
+        for ring in from..to.min(self.used).min(RINGS) {
             let count = self.count[ring];
             if count > 0.0 {
-                let [a, b, c, d] = [0, 1, 2, 3].map(|k| unpacked(self.cells[k * RINGS + ring]).0);
-                let per_count = self.radius[ring] * self.radius[ring] / count;
-                for (sum, more) in sums.iter_mut().zip([a - b + c - d, a + b - c - d]) {
-                    *sum += 0.5 * more * more * per_count;
+                let square = self.radius[ring] * self.radius[ring] * count;
+                for (sum, more) in sums.iter_mut().zip([self.right[ring], self.below[ring]]) {
+                    *sum += 0.5 * more * more * square;
                 }
             }
         }
@@ -150,10 +164,9 @@ fn add_sides(
 /// What the rings of cells from number `first` on have in common.
 #[multiversion(targets("x86_64+avx2"))]
 #[inline(never)]
-fn weigh_rings(kernel: &Kernel, first: usize, (white_from, saturated): (f64, f64), rings: &mut Rings) {
-    let (depth, white_from, saturated) =
-        (kernel.contrast / kernel.white, white_from as f32, saturated as f32);
-    let per_px = kernel.contrast * PEAK as f32 * kernel.per_width;
+fn weigh_rings(kernel: &Kernel, first: usize, (around, saturated): (&Range<f64>, f64), rings: &mut Rings) {
+    let (white_from, end, saturated) = (around.start as f32, around.end as f32, saturated as f32);
+    let (depth, per_px) = (kernel.contrast / kernel.white, kernel.per_px());
     let (per_part, reach) = (per_px / (PER_PX * PARTS as f32), kernel.reach());
     for i in 0..BLOCK {
         // The middle of the cells.
@@ -162,12 +175,28 @@ fn weigh_rings(kernel: &Kernel, first: usize, (white_from, saturated): (f64, f64
         let model = kernel.white - kernel.contrast * covered;
         let by_part = per_part * (outer - inner);
         let brightest = model + reach * (outer + inner);
-        let counts = if brightest < saturated { 1.0 } else { 0.0 };
+        let counts = if (brightest < saturated) & (radius < end) { 1.0 } else { 0.0 };
         rings.model[i] = model - 0.5 * PARTS as f32 * by_part;
         rings.by_part[i] = by_part;
         rings.steep[i] = (inner - outer) * counts;
         rings.slope[i] = radius * (1.0 - depth * covered) * counts;
         rings.white[i] = if radius > white_from { rings.slope[i] } else { 0.0 };
+    }
+}
+
+/// Means of a block of rings about a centre that is `step` further on. Not inlined, as [`super::sort`].
+#[multiversion(targets("x86_64+avx2"))]
+#[inline(never)]
+fn centre_rings(
+    kernel: &Kernel,
+    step: [f32; 2],
+    radius: &Column,
+    (right, below): (&Column, &Column),
+    value: &mut Column,
+) {
+    for i in 0..BLOCK {
+        let (outer, inner, _) = kernel.at(radius[i]);
+        value[i] += (outer - inner) * (step[0] * right[i] + step[1] * below[i]);
     }
 }
 
