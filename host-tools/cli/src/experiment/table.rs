@@ -70,21 +70,20 @@ pub(crate) fn text(published: &[Published], lines: &[Line]) -> String {
     for (block, unit, names, digits) in
         [(0, "(mm)", "x / y / z", [1, 2]), (3, "(degrees)", "roll / pitch / yaw", [2, 3])]
     {
-        let max = format!("MAX {names}");
-        let _ = writeln!(text, "{unit:width$}  {max:<24}{:<24}{:<24}STD", "RMSE", "MEAN");
+        let mut block_rows =
+            vec![(unit, Some([&format!("MAX {names}"), "RMSE", "MEAN", "STD"].map(str::to_owned)))];
         for (label, statistics, is_published) in &rows {
-            let _ = write!(text, "{label:width$}  ");
-            match statistics {
-                Some(statistics) => {
-                    let digits = digits[usize::from(!*is_published)];
-                    let cells = statistics.all().map(|of| cell(&of[block..block + 3], digits));
-                    let line = cells.map(|cell| format!("{cell:<24}")).concat();
-                    let _ = writeln!(text, "{}", line.trim_end());
-                }
-                None => {
-                    let _ = writeln!(text, "not measured");
-                }
-            }
+            let digits = digits[usize::from(!*is_published)];
+            let cells = statistics.map(|of| of.all().map(|of| cell(&of[block..block + 3], digits)));
+            block_rows.push((label, cells));
+        }
+        let longest = block_rows.iter().flat_map(|(_, cells)| cells.iter().flatten()).map(String::len).max();
+        let column = longest.unwrap_or(0) + 2;
+        for (label, cells) in block_rows {
+            let cells = cells.map_or("not measured".to_owned(), |cells| {
+                cells.map(|cell| format!("{cell:column$}")).concat()
+            });
+            let _ = writeln!(text, "{label:width$}  {}", cells.trim_end());
         }
     }
     for line in lines {
@@ -118,6 +117,18 @@ mod tests {
         }
         assert_eq!(line.medians().unwrap().max[..3], [2.0, -2.0, 0.0]);
         assert_eq!(median(vec![4.0, 1.0, 2.0, 9.0]), Some(3.0));
+    }
+
+    #[test]
+    fn columns_stay_apart_however_long_their_numbers_are() {
+        let mut ours = Line::new("ours");
+        ours.seeds.push(Statistics {
+            mean: [-123.4, -0.002, -0.314, -0.083, -12.3, -4.0],
+            ..Statistics::default()
+        });
+        let text = text(&[], &[ours]);
+        assert!(text.contains("-123.40 / 0.00 / -0.31  0.00 / 0.00 / 0.00"), "{text}");
+        assert!(text.contains("-0.083 / -12.300 / -4.000  0.000 / 0.000 / 0.000"), "{text}");
     }
 
     #[test]
