@@ -268,7 +268,7 @@ impl Carbody {
     }
 
     /// The pose of the rings seen. The solution's mask names circles of this carbody.
-    fn solve(&self, frame: &Frame<'_>, means: &Means<'_>, prior: &Pose) -> Result<Solution, PoseError> {
+    fn solve(&mut self, frame: &Frame<'_>, means: &Means<'_>, prior: &Pose) -> Result<Solution, PoseError> {
         let (observations, seen) = self.observations(means.settings, prior);
         let Settings { lens, solver, rest, .. } = means.settings;
         let slack = self.layout.slack(rest.layout_mm, &self.circles, prior, lens);
@@ -277,7 +277,7 @@ impl Carbody {
         let solver = gangway_pose::Settings { gate_px, ..*solver };
         let (shutter, time_ns) = (&means.shutter, frame.time_ns());
         let mut solution =
-            solve_in_motion(&observations, lens, &solver, prior, shutter, &self.track, time_ns)?;
+            solve_in_motion(&observations, lens, &solver, prior, shutter, &mut self.track, time_ns)?;
         let used = seen.iter().enumerate().filter(|(bit, _)| solution.used >> bit & 1 == 1);
         solution.used = used.fold(0, |mask, (_, circle)| mask | 1 << circle);
         Ok(solution)

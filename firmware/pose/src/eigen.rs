@@ -51,7 +51,7 @@ pub(crate) fn symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f6
     for (i, value) in values.iter_mut().enumerate() {
         *value = a[i][i];
     }
-    // Insertion sort of N <= 4 values.
+    // Insertion sort of N <= 6 values.
     for i in 1..N {
         let mut k = i;
         while k > 0 && values[k] < values[k - 1] {

@@ -43,6 +43,7 @@ mod settings;
 mod shutter;
 mod sighting;
 mod solve;
+mod track;
 mod valley;
 mod variance;
 
@@ -57,9 +58,10 @@ pub use motion::{Motion, RestPose, angles, moved, relative_motion, rotation};
 pub use relative::relative_pose;
 pub use rest::{MAX_REST_POSES, rest_mean};
 pub use settings::{Method, Settings};
-pub use shutter::{Shutter, Track, at_mid_exposure, solve_in_motion};
+pub use shutter::{Shutter, at_mid_exposure, solve_in_motion};
 pub use sighting::Sighting;
 pub use solve::{Solution, solve};
+pub use track::Track;
 pub use variance::VarianceComponent;
 
 /// Most circles that one setup may have, over all its targets.

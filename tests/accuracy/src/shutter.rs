@@ -70,7 +70,7 @@ pub fn run(line_time_us: f64, exposure_ms: f64, hz: f64, seed: u64, frames: usiz
             &settings,
             &expected(&priors[1]),
             &shutter,
-            &track,
+            &mut track,
             time_ns,
         );
         for (i, solution) in [global, by_row].into_iter().enumerate() {

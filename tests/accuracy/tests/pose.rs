@@ -127,6 +127,15 @@ fn a_rolling_shutter_leaves_no_more_than_the_noise_of_the_centres_at_walking_pac
 }
 
 #[test]
+fn a_rolling_shutter_leaves_a_covariance_that_is_true() {
+    for (line_time_us, hz) in [(10.0, 0.5), (10.0, 2.0), (20.0, 1.0), (20.0, 2.0)] {
+        let outcomes = [0, 1, 2].map(|seed| shutter::run(line_time_us, 5.0, hz, seed, 400).squared);
+        let mean = outcomes.iter().sum::<f64>() / 3.0;
+        assert!(TRUE.contains(&mean), "{line_time_us} us, {hz} Hz: {outcomes:?}");
+    }
+}
+
+#[test]
 fn the_exposures_own_smear_is_taken_off() {
     let outcome = shutter::run(0.0, 5.0, 2.0, 2, 200);
     // a T^2 / 24 is 0.013 mm where the sway turns: more than the noise, and visible in the mean.
@@ -159,6 +168,10 @@ fn where_centres_scatter_more_than_they_say_the_pose_says_so_too() {
             // tail.
             let scaled = scatter::run(kind, circles, 5.0, 1, 600);
             assert!((4.5..8.0).contains(&scaled), "{circles}, {kind:?}: {scaled}");
+            // Between, eight degrees of freedom cannot tell a factor of two from chance every time; what is
+            // left of 24 is 7.9 by the mean over the factor's distribution, by decision it would be 10.7.
+            let doubled = scatter::run(kind, circles, 2.0, 1, 600);
+            assert!(doubled < 9.0, "{circles}, {kind:?}: {doubled}");
         }
     }
 }
