@@ -17,6 +17,7 @@ use crate::{MAX_CIRCLES, Observation, PoseError, Settings, Solution, scatter, so
 const PASSES: usize = 12;
 /// A change below this share of a standard deviation is the last.
 const LAST_CHANGE: f64 = 0.01;
+
 /// When the rows of a frame are exposed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
@@ -37,8 +38,8 @@ impl Shutter {
 /// As [`solve`], for a frame whose rows were exposed as `shutter` says, after the poses of `track`: the pose
 /// at the mid-exposure of the middle row. `prior` is the pose expected then.
 ///
-/// The covariance has in it that the motion is taken from noisy poses, and what a cubic does not follow of it, by
-/// how much it did not in the frames before. `track` remembers what [`Track::follow`] needs for that.
+/// The covariance has in it that the motion is taken from noisy poses, and what a cubic does not follow of it,
+/// by how much it did not in the frames before. `track` remembers what [`Track::follow`] needs for that.
 ///
 /// # Errors
 /// As [`solve`].

@@ -27,8 +27,9 @@ pub struct Solution {
     /// Covariance of (v, w), v in mm and w in radians, both along the camera's axes: the true pose is
     /// `t' = t + v`, `R' = Exp(w) R`. From the centres' covariances: `(J^T W J)^-1`, times the mean of the
     /// factor by which the circles may scatter more than those covariances say: all but one where chance
-    /// explains their residuals, chi squared over its degrees of freedom (less two) where it does not. Wider for a plane so near its mirror image that its tilt shows by
-    /// its square, and where one of few circles (5 to 9) may be wrong and the others do not tell which.
+    /// explains their residuals, chi squared over its degrees of freedom (less two) where it does not. Wider
+    /// for a plane so near its mirror image that its tilt shows by its square, and where one of few circles
+    /// (5 to 9) may be wrong and the others do not tell which.
     pub covariance: Matrix6<f64>,
     /// Root mean square distance between measured and reprojected centre over the circles used, px.
     pub residual_px: f64,

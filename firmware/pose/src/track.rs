@@ -1,6 +1,6 @@
-//! The motion about a frame: the cubic through its pose and the last three, each coordinate's cubic part by how
-//! far it is above the noise (Wiener's filter), with the covariance of what it rests on and of what it leaves
-//! out.
+//! The motion about a frame: the cubic through its pose and the last three, each coordinate's cubic part by
+//! how far it is above the noise (Wiener's filter), with the covariance of what it rests on and of what it
+//! leaves out.
 
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
@@ -115,8 +115,8 @@ fn without(whole: &Matrix6<f64>, noise: &Matrix6<f64>) -> Option<Matrix6<f64>> {
     Some(left)
 }
 
-/// The motion about a pose, (v, w) as [`crate::Solution::covariance`]: coefficients of the seconds, their square and
-/// cube; and what they rest on.
+/// The motion about a pose, (v, w) as [`crate::Solution::covariance`]: coefficients of the seconds, their
+/// square and cube; and what they rest on.
 pub(crate) struct Rates {
     pub(crate) first: Vector6<f64>,
     pub(crate) second: Vector6<f64>,
