@@ -2,7 +2,7 @@
 
 mod camera;
 mod check;
-#[cfg(feature = "libcamera")]
+#[cfg(any(test, feature = "libcamera"))]
 mod libcamera;
 mod pins;
 
