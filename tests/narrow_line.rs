@@ -7,10 +7,10 @@ use std::convert::Infallible;
 use std::io::Read as _;
 use std::time::Duration;
 
-use e2e::Ride;
+use e2e::{Ride, engine};
 use embedded_hal::digital::{ErrorType, OutputPin};
 use gangway_device::{Camera, CameraErrorKind, Clock, Frame, Layout, Reading};
-use gangway_engine::{Board, Engine, Identity, Inbox, Outbox};
+use gangway_engine::{Board, Inbox, Outbox};
 use gangway_link::{Courier, Serial};
 use gangway_wire::{Decoded, Decoder, Record, What};
 use serialport::{SerialPort as _, TTYPort};
@@ -85,8 +85,7 @@ fn play(ride: &Ride, frames: u32, rate_hz: usize, bytes_a_second: usize) -> (Hea
     let (mut host, slave) = TTYPort::pair().expect("a terminal");
     host.set_timeout(Duration::from_secs(10)).expect("a timeout");
     let link = Serial::open(&slave.name().expect("its name"), 115_200).expect("the line");
-    let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
-    let mut engine = Box::new(Engine::new(ride.settings.clone(), identity).expect("the seeds give a pose"));
+    let mut engine = engine(&ride.settings);
     let (mut outbox, mut inbox) = (Box::new(Outbox::new()), Inbox::new());
     let ((mut put, taken), (given, mut commands)) = (outbox.split(), inbox.split());
     let mut courier = Courier::new(taken, given, link).thinning();

@@ -55,7 +55,10 @@ impl Ride {
 
 /// A frame loop. It is some hundred KiB large, and so is each copy of it while it is made: more than a test's
 /// own thread has room for.
-fn engine(settings: &Settings) -> Box<Engine> {
+///
+/// # Panics
+/// Where the settings' seeds give no pose.
+pub fn engine(settings: &Settings) -> Box<Engine> {
     let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
     let made = std::thread::scope(|scope| {
         let roomy = std::thread::Builder::new().stack_size(8 << 20);

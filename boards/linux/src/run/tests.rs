@@ -52,11 +52,14 @@ fn play(mut slow: impl FnMut(&Signals, usize)) -> (bool, Vec<String>, thread::Re
     let text = include_str!("../../../setup/examples/ride.toml");
     let settings = Setup::parse(text, "ride.toml").unwrap().settings();
     let identity = Identity { box_id: 1, boot_id: 2, session_id: 3, firmware: "test" };
+    // Its copies while it is made are more than a test's own thread has room for.
+    let roomy = thread::Builder::new().stack_size(8 << 20);
+    let engine = roomy.spawn(move || Engine::new(settings, identity).map(Box::new)).unwrap();
     let (signals, status, next) = (Signals::default(), Status::default(), Next::default());
     let (notices, said) = Notices::channel();
     let name = place.path().join("notify");
     let parts = Parts {
-        engine: Box::new(Engine::new(settings, identity).unwrap()),
+        engine: engine.join().unwrap().unwrap(),
         camera: Away,
         lamps: vec![Lit(Arc::clone(&is_lit))],
         line: Address::File(place.path().join("box.gw")).open().unwrap(),
