@@ -180,7 +180,7 @@ impl Libcamera {
             )));
         };
         let range = (number(&range.min()), number(&range.max()));
-        controls::within(name, id.name(), key, value, range).map_err(OpenError::unfit)
+        controls::within(name, &id.name(), key, value, range).map_err(OpenError::unfit)
     }
 }
 
