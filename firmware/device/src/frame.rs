@@ -47,12 +47,12 @@ impl Layout {
         }
     }
 
-    /// Bytes that a row of `width` samples takes at least, `None` if the layout itself is impossible.
+    /// Bytes that a row of `width` samples takes at least, 0 for none, `None` if the layout itself is impossible.
     pub const fn row_bytes(self, width: u16) -> Option<usize> {
         let width = width as usize;
         match self {
             Layout::Byte { step, offset } if step >= 1 && step <= 4 && offset < step => {
-                Some((width - 1) * step as usize + offset as usize + 1)
+                Some(if width == 0 { 0 } else { (width - 1) * step as usize + offset as usize + 1 })
             }
             Layout::Word { bits } if bits > 8 && bits <= 16 => Some(2 * width),
             Layout::Packed { bits: 10 | 12 } => Some(width.div_ceil(self.group()) * (self.group() + 1)),
@@ -204,6 +204,13 @@ mod tests {
             Frame::new(&[0; 8], (2, 9), usize::MAX, Layout::GREY, 0, 0).unwrap_err(),
             FrameError::Short
         );
+    }
+
+    #[test]
+    fn a_row_of_no_samples_takes_no_bytes() {
+        for layout in [Layout::GREY, Layout::Word { bits: 12 }, Layout::Packed { bits: 10 }] {
+            assert_eq!(layout.row_bytes(0), Some(0), "{layout:?}");
+        }
     }
 
     #[test]
