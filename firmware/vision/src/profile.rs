@@ -17,9 +17,6 @@ pub(crate) use lean::Lean;
 /// Quadrants of the direction from the centre: bit 0 is set where x is negative, bit 1 where y is.
 const QUADRANTS: usize = 4;
 
-/// Mean of a direction's coordinate over a quadrant.
-const SIDE: f64 = core::f64::consts::FRAC_2_PI;
-
 /// Rings of cells, those of 1 px, and the parts of one in which radii are counted.
 const RINGS: usize = 256;
 const PER_PX: f32 = 2.0;

@@ -5,8 +5,11 @@ use core::ops::Range;
 
 use multiversion::multiversion;
 
-use super::{Kernel, PARTS, PER_PX, Profile, QUADRANTS, RINGS, Radial, SIDE, unpacked};
+use super::{Kernel, PARTS, PER_PX, Profile, QUADRANTS, RINGS, Radial, unpacked};
 use crate::lanes::{BLOCK, Column, LANES, Lanes, RUNS};
+
+/// Mean of a direction's coordinate over a quadrant.
+const SIDE: f64 = core::f64::consts::FRAC_2_PI;
 
 /// Share of the white's slope that its sides tell beside their means at the least.
 const LEAST_TOLD: f64 = 0.2;
