@@ -6,18 +6,19 @@
 //! Levels, radii and blur are even about the centre and do not move it, so they need not be known as well.
 
 mod disc;
+mod noise;
 
 use gangway_device::Frame;
 use gangway_pose::Centre;
 
 use crate::candidate::Candidate;
-use crate::edge::{FOURTH, SQUARE};
 use crate::light::Light;
 use crate::loader::{Rect, full_scale};
 use crate::model::{Kernel, Model, WHITE_WEIGHT};
 use crate::patch::{Belt, Part, Patch};
 use crate::profile::{FINE, Lean, Profile, ROUGH, Radial};
 use crate::{Refusal, Ring, Search, Settings, length};
+use noise::noise;
 
 pub(crate) use disc::measure as measure_disc;
 
@@ -94,10 +95,6 @@ const MAX_RESIDUAL: f64 = 0.16;
 /// Light that changes by more over a radius, as a share of the white, is no light: a ring covered in part
 /// looks so.
 const MAX_TILT: f64 = 0.06;
-
-/// Share of the squared residuals that is noise at the least, however much of them radii seem to explain:
-/// what is left of clipped edges is explained by nearly any.
-const LEAST_LEFT: f64 = 0.25;
 
 /// Standard deviations of noise that are let pass.
 const SIGMAS: f64 = 4.0;
@@ -370,7 +367,7 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     let lean = &start.lean;
     let kernel = Kernel::new(model, patch.origin(), start.saturated, belts.overlap);
     let [outer, inner] = kernel.fit(patch, belts.parts);
-    let (square, noise) = (outer.square + inner.square, outer.noise + inner.noise);
+    let square = outer.square + inner.square;
     if square < 1.0 {
         return Err(Refusal::Outline);
     }
@@ -394,24 +391,14 @@ fn pass(patch: &Patch, belts: &Belts, model: &mut Model, start: &Start) -> Resul
     });
     let step = [0, 1].map(|i| (slope_information * side[i] - cross * slope_side[i]) / determinant);
     let slope = [0, 1].map(|i| (information * slope_side[i] - cross * side[i]) / determinant);
-    let moved = per_px * per_px * (step[0] * step[0] + step[1] * step[1]);
+    let moved = step[0] * step[0] + step[1] * step[1];
     let step = model.out_of_circle(step);
     let share = radial.outer_share();
     let outer_at = model.out_of_circle(outer.side.map(|side| -side * scale / share));
     // A disc has no inner edge, and its share is none.
     let other = (1.0 - share).max(f64::MIN_POSITIVE);
     let inner_at = model.out_of_circle(inner.side.map(|side| side * scale / other));
-    // Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to
-    // black. The fit follows the noise of two in as many pixels as carry the information.
-    let carrying = radial.edges_px() * radial.half_width() * (SQUARE * SQUARE / FOURTH);
-    // The step takes a part of the residuals away; what is even about the centre is the radii's error and no
-    // noise.
-    let even = outer.even * outer.even / share + inner.even * inner.even / other;
-    let taken = 0.5 * moved + even / (square * square);
-    let (all, taken) = (noise / square, taken * (FOURTH / SQUARE));
-    let residual = (all - taken).max(LEAST_LEFT * all) / (1.0 - 4.0 / carrying.max(8.0));
-    // Rounding to whole grey levels is noise too.
-    let variance = residual.max(1.0 / 12.0);
+    let (residual, variance) = noise(model, [&outer, &inner], moved, belts.overlap);
     let circle = variance / information;
     model.slope = [model.slope[0] + slope[0], model.slope[1] + slope[1]];
     model.centre = [model.centre[0] + step[0], model.centre[1] + step[1]];

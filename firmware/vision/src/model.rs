@@ -79,6 +79,17 @@ impl Model {
         0.5 * outer * (1.0 - outer) * apart * apart
     }
 
+    /// By how much blur moves an edge of 1 px radius further inwards at the ends of the ellipse's longer axis than in
+    /// the mean, px. Blur moves what is bent by half its variance along the edge over the radius, and in the circle's
+    /// plane more of it is along the edge there. Between the axes that goes as the cosine of twice the angle.
+    pub(crate) fn bend(&self) -> f64 {
+        let [uu, _, vv] = self.shape;
+        let trace = uu + vv;
+        // The difference of the eigenvalues, which are the ratio of the axes and its inverse.
+        let apart = libm::sqrt((trace * trace - 4.0).max(0.0));
+        0.25 * self.radial.blur * self.radial.blur * apart
+    }
+
     /// A gradient in the circle's plane as one in the picture.
     pub(crate) fn gradient_out_of_circle(&self, gradient: [f64; 2]) -> [f64; 2] {
         // The transpose of `in_circle`, which is symmetric.
@@ -143,6 +154,9 @@ pub(crate) struct Kernel {
     per_width: [f32; 3],
     /// The next term of that series: [1] ([0] - 1 / half width)^2.
     per_width_square: [f32; 2],
+    /// How blur bends the edges, as [`Model::bend`]: inwards by [1] (1 / half width - [0]) over the radius. It matters
+    /// where blur joins them.
+    bend: [f32; 2],
 }
 
 /// Sums over the pixels of an edge's belt, with its steepness s, residual r, direction (x, y) and light w,
@@ -180,6 +194,8 @@ impl Kernel {
             // edges have, their mean is to be 1.
             narrow[0] = 1.0 - 0.5 * narrow[2];
         }
+        let half_width = radial.half_width();
+        let mean = narrow[0] + 0.5 * narrow[2];
         let depth = (radial.contrast / radial.white) as f32;
         let in_patch = |at: [f64; 2]| [0, 1].map(|i| (at[i] - origin[i]) as f32);
         let edge = |radius: f64, share: f64, other: f64, rise: f32| Edge {
@@ -200,8 +216,9 @@ impl Kernel {
             depth,
             saturated: saturated as f32,
             per_fading: (1.0 / (FADING * saturated)) as f32,
-            per_width: narrow.map(|x| (x / radial.half_width()) as f32),
-            per_width_square: [1.0 / radial.half_width(), 1.5 * radial.half_width()].map(|x| x as f32),
+            per_width: narrow.map(|x| (x / half_width) as f32),
+            per_width_square: [1.0 / half_width, 1.5 * half_width].map(|x| x as f32),
+            bend: [mean / half_width, radial.blur * radial.blur * half_width].map(|x| x as f32),
         }
     }
 
@@ -288,11 +305,12 @@ fn compare<const CLIPPED: bool, const OVERLAP: bool>(
             let narrower = kernel.per_width_square[0] - per_width;
             per_width += kernel.per_width_square[1] * narrower * narrower;
         }
-        let (mut steep, height) = edge((radius - near.radius) * per_width);
+        let bend = if OVERLAP { kernel.bend[1] * (per_width - kernel.bend[0]) / radius } else { 0.0 };
+        let (mut steep, height) = edge((radius + bend - near.radius) * per_width);
         let mut by_white = between + near.rise * height;
         if OVERLAP {
             let moved = near.to_other[0] * x + near.to_other[1] * y;
-            let (far_steep, far_height) = edge((radius - far.radius - moved) * per_width);
+            let (far_steep, far_height) = edge((radius + bend - far.radius - moved) * per_width);
             steep -= far_steep;
             by_white += far.rise * far_height;
         }

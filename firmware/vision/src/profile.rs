@@ -62,6 +62,10 @@ const CLIPPED: Passes = Passes { most: 24, radii: 0.001, width: 0.001 };
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
 
+/// How far before the first ring that is seen to be dark pixels are left out, standard deviations of the blur: what
+/// leaks further in is less than their noise.
+const LEAKING: f64 = 0.65;
+
 /// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring
 /// can hardly be told apart, and need not be.
 const RIDGE: f64 = 1e-3;
@@ -319,7 +323,7 @@ impl Profile {
             is_darker && *value + reach * steep < saturated
         });
         let Some(first) = dark.position(|dark| dark) else { return f64::INFINITY };
-        (from + first) as f64 / f64::from(PER_PX) - 0.5 * radial.blur
+        (from + first) as f64 / f64::from(PER_PX) - LEAKING * radial.blur
     }
 }
 
