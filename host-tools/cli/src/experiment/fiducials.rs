@@ -8,7 +8,7 @@ use gangway_report::Reference;
 use gangway_report::plots::{Curve, Curves, Look, Panel, Scale, Section};
 
 use super::measure::{self, Job, Outcome};
-use super::table::Line;
+use super::table::{Line, aligned, cell};
 use super::thesis::Statistics;
 use super::{SOLVERS, draw, plan, put_in, setup_text};
 use crate::{simulate, tell};
@@ -130,27 +130,19 @@ fn take(outcome: Outcome, line: &mut Line, reference: &Reference) -> anyhow::Res
 
 fn table(order: &Order, counted: &Counted) -> String {
     let mut text = format!("\n{}: {} (thesis figure {})\n\n", order.name, order.about, order.figure);
-    let cells = |s: &[f64; 6]| format!("{:.2} / {:.2} / {:.2}", s[0], s[1], s[2]);
-    let mut head = "circles  ".to_owned();
-    for (_, label) in SOLVERS {
-        let _ = write!(head, "{:<22}{:<22}", format!("{label} MAX x/y/z mm"), "RMSE");
-    }
-    let _ = writeln!(text, "{}", head.trim_end());
+    let mut head = vec!["circles".to_owned(), String::new()];
+    head.extend(SOLVERS.iter().flat_map(|(_, label)| [format!("{label} MAX x/y/z mm"), "RMSE".to_owned()]));
+    let mut rows = vec![head];
     for (count, lines) in counted {
         let target = order.targets[(count - 1) / CIRCLES_A_TARGET] + 1;
-        let mut row = format!("{count:>2}  T{target}   ");
-        for line in lines {
-            match line.medians() {
-                Some(s) => {
-                    let _ = write!(row, "{:<22}{:<22}", cells(&s.max), cells(&s.rmse));
-                }
-                None => {
-                    let _ = write!(row, "{:<44}", "refused");
-                }
-            }
-        }
-        let _ = writeln!(text, "{}", row.trim_end());
+        let mut row = vec![count.to_string(), format!("T{target}")];
+        row.extend(lines.iter().flat_map(|line| match line.medians() {
+            Some(s) => [s.max, s.rmse].map(|of| cell(&of[..3], 2)),
+            None => ["refused".to_owned(), String::new()],
+        }));
+        rows.push(row);
     }
+    text.push_str(&aligned(&rows));
     let kept = [0, 1, 2].map(|solver| {
         let from = kept_from(counted, solver);
         format!("{} {}", SOLVERS[solver].1, from.map_or("never".to_owned(), |count| format!("from {count}")))

@@ -94,8 +94,19 @@ pub(crate) fn text(published: &[Published], lines: &[Line]) -> String {
     text
 }
 
+/// Rows as lines, each column as wide as its longest cell needs.
+pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
+    let width = |i: usize| rows.iter().filter_map(|row| row.get(i)).map(String::len).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows.iter().map(Vec::len).max().unwrap_or(0)).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}  "));
+        cells.collect::<String>().trim_end().to_owned() + "\n"
+    };
+    rows.iter().map(line).collect()
+}
+
 /// `0.51 / 0.02 / 0.03`, no minus before a zero.
-fn cell(values: &[f64], digits: usize) -> String {
+pub(crate) fn cell(values: &[f64], digits: usize) -> String {
     let number = |value: &f64| {
         let text = format!("{value:.digits$}");
         let is_zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
@@ -117,6 +128,13 @@ mod tests {
         }
         assert_eq!(line.medians().unwrap().max[..3], [2.0, -2.0, 0.0]);
         assert_eq!(median(vec![4.0, 1.0, 2.0, 9.0]), Some(3.0));
+    }
+
+    #[test]
+    fn a_column_is_as_wide_as_its_longest_cell() {
+        let rows = [["circles", "MAX"], ["4", "123.45 / 0.10"], ["28", "1"]];
+        let text = aligned(&rows.map(|row| row.map(str::to_owned).to_vec()));
+        assert_eq!(text, "circles  MAX\n4        123.45 / 0.10\n28       1\n");
     }
 
     #[test]
