@@ -194,7 +194,8 @@ impl Hypothesis {
                 seen.add(view, plate.first + circle, rings, ring);
             }
         }
-        let Some((pose, _)) = seen.refine(view, &self.pose, work) else { return };
+        let Some(of_groups) = seen.refine(view, &self.pose, work) else { return };
+        let (pose, _) = of_groups;
         let (mut all, mut expected) = (Seen::default(), 0);
         for (number, circle) in view.circles.iter().enumerate() {
             *work = work.saturating_sub(WORK_PROJECT + WORK_COMPARE * rings.len() as i32);
@@ -206,7 +207,10 @@ impl Hypothesis {
             }
         }
         all.drop_beyond(view, &pose, GATE_PX[0]);
-        let Some((mut pose, mut residual_px)) = all.refine(view, &pose, work) else { return };
+        // Mostly every ring is in a group: then this is the fit of the groups.
+        let is_known = all.pairs == seen.pairs;
+        let fit = if is_known { Some(of_groups) } else { all.refine(view, &pose, work) };
+        let Some((mut pose, mut residual_px)) = fit else { return };
         if all.drop_beyond(view, &pose, GATE_PX[1]) {
             let Some(last) = all.refine(view, &pose, work) else { return };
             (pose, residual_px) = last;
