@@ -102,6 +102,18 @@ fn alternate_lamps_are_found_in_a_tunnel_without_seeds() {
 }
 
 #[test]
+fn alternate_lamps_are_found_in_the_first_lit_frame_where_darkness_is_swept_whole() {
+    let night = TUNNEL.replace("start_s = 0.5", "start_s = 0.0").replace("fall_s = 0.1", "fall_s = 0.0");
+    for starts_dark in [false, true] {
+        let drive = format!("[lamp]\ndrive = \"alternate\"\nstarts_dark = {starts_dark}\n");
+        let poses = poses(&scene(&format!("{night}{drive}[setup]\nseeds = false\n")), LampMode::Alternate);
+        let first = poses.iter().position(|pose| pose.markers > 0).expect("they are found");
+        assert_eq!(first, usize::from(starts_dark), "the frame they are found in");
+        assert_eq!(poses[first].markers, 15);
+    }
+}
+
+#[test]
 fn a_frame_switched_within_its_exposure_is_marked_and_gives_no_pose() {
     // Off in the middle of frame 20's exposure, on again in that of frame 30.
     let scene = scene("[lamp]\nswitches_s = [0.4, 0.6]\n");

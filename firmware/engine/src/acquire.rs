@@ -153,8 +153,10 @@ impl Acquirer {
         };
         let mut work = whole;
         let mut progress = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
-        // The next sweep begins with what is left: what is hidden may show any time.
-        if windows != Windows::InDoubt && matches!(progress, Progress::Refused(_)) && work > 0 {
+        // The next sweep begins with what is left: what is hidden may show any time. Not where lamps
+        // alternate: what this picture does not show the next one may, if it is swept whole.
+        let goes_on = windows != Windows::InDoubt && !self.twice && work > 0;
+        if goes_on && matches!(progress, Progress::Refused(_)) {
             let next = self.go_on(frame, sight, others, is_plausible, (&mut work, whole - assigning));
             progress = if next == Progress::Going { progress } else { next };
         }

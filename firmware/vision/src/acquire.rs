@@ -97,7 +97,8 @@ impl Acquisition {
         self
     }
 
-    /// Looks at every row in two pictures on end: of lamps that alternate one is dark.
+    /// Looks at every row in two pictures on end: of lamps that alternate one is dark. A picture that is swept
+    /// whole stands for itself.
     pub fn twice(mut self) -> Self {
         self.twice = true;
         self
@@ -127,7 +128,8 @@ impl Acquisition {
     /// A sweep over several pictures finds each ring where it was when its rows were searched.
     pub fn advance(&mut self, frame: &Frame, work: &mut i32) -> bool {
         let size = (frame.width(), frame.height());
-        if self.next.is_none() || self.size != size {
+        let begins = self.next.is_none() || self.size != size;
+        if begins {
             self.size = size;
             self.sightings.clear();
             self.next = FIRST_QUARTERS.get(self.sweeps % FIRST_QUARTERS.len()).map(|n| n * self.step / 4);
@@ -143,7 +145,8 @@ impl Acquisition {
             search(&mut self.row, frame, &(0..size.0), y, looked_for, &mut self.sightings, work);
             self.next = y.checked_add(self.step);
         }
-        if self.twice && self.once_until.take().is_none() {
+        let is_whole = begins && self.next.is_none_or(|y| y >= size.1);
+        if self.twice && self.once_until.take().is_none() && !is_whole {
             (self.next, self.once_until) = (first, Some(self.next.unwrap_or(size.1)));
             return false;
         }
