@@ -28,7 +28,7 @@ use sha2::{Digest as _, Sha256};
 
 pub use error::{Mistake, SetupError};
 pub use gangway_engine::{AutoExposure, LampMode, Limits, RestSettings};
-pub use gangway_pose::{Method, Settings as SolverSettings};
+pub use gangway_pose::{MAX_CIRCLES, Method, Settings as SolverSettings};
 pub use gangway_vision::Settings as TrackerSettings;
 pub use parts::{Board, Camera, Capture, ExposureMode, Kind, Parts, SampleFormat, Target};
 pub use show::{Allowed, Row, reference};

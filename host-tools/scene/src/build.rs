@@ -9,6 +9,8 @@ mod target;
 
 use std::path::Path;
 
+use gangway_setup::MAX_CIRCLES;
+
 use self::camera::{Camera, camera};
 use self::light::{glares, lamp, light, suns};
 use self::motion::{motion, mount};
@@ -82,6 +84,11 @@ pub(crate) fn build(file: &SceneFile, read_table: ReadTable<'_>) -> Result<Parts
     }
     if file.target.is_empty() {
         return Err(Mistake::new("target", "allowed is at least one target"));
+    }
+    let circles: usize = file.target.iter().map(|target| target.circles_mm.len()).sum();
+    if circles > MAX_CIRCLES {
+        let message = format!("{circles} circles over all targets, allowed are at most {MAX_CIRCLES}");
+        return Err(Mistake::new("target", message));
     }
     let table = match &file.motion.csv {
         Some(path) => read_table(Path::new(path))?,

@@ -156,6 +156,10 @@ impl Number {
         match value.or(self.default) {
             None => Err(Mistake::new(key, format!("is missing, allowed is {}", self.bounds()))),
             Some(value) if (self.least..=self.most).contains(&value) => Ok(value),
+            // Hundreds of digits are no sentence.
+            Some(value) if value.abs() >= 1e15 => {
+                Err(Mistake::new(key, format!("is {value:e}, allowed is {}", self.bounds())))
+            }
             Some(value) => Err(Mistake::new(key, format!("is {value}, allowed is {}", self.bounds()))),
         }
     }

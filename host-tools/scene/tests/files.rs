@@ -151,6 +151,8 @@ fn what_cannot_be_written_is_one_sentence_and_leaves_nothing() {
 #[test]
 fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
     let sensor = |line: &str| small("") + "[sensor]\n" + line + "\n";
+    let small_target = small("");
+    let another = &small_target[small_target.find("[[target]]").unwrap()..];
     let cases = [
         (
             small("").replace("rate_hz = 50.0", "rate_hz = 0"),
@@ -205,6 +207,22 @@ fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
         (
             small("").replace("-2000.0", "2000.0"),
             "bad.toml:10: camera.position_mm: 0 circles of targets that show as a whole at rest",
+        ),
+        (
+            small("") + "[[knock]]\nat_s = 1\nturn_deg = [0, 0, 1e300]",
+            "bad.toml:19: knock[0].turn_deg: is 1e300, allowed is -45 to 45 degrees",
+        ),
+        (
+            small("") + "[[shake]]\nfrequency_hz = inf\nshift_mm = [1, 0, 0]",
+            "bad.toml:18: shake[0].frequency_hz: is inf, allowed is 0 to 500 Hz",
+        ),
+        (
+            small("") + &another.repeat(1000),
+            "bad.toml:11: target: 4004 circles over all targets, allowed are at most 64",
+        ),
+        (
+            small("") + "[setup.board]\nlamps = \"alternate\"",
+            "bad.toml:17: setup: the setup file it results in would be refused:",
         ),
         (
             small("") + "[setup.limits]\nx_mm = 3",
