@@ -19,14 +19,15 @@ const CONTRAST: u8 = 14;
 /// What is as bright as this is clipped: a ring that sun or lamp clips in part may be refused.
 const CLIPPED: u8 = 250;
 
-/// A frame that shows best what goes wrong in a scene, if anything does.
+/// A frame that shows best what goes wrong in a scene, if anything does, or what is in the rings' way.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Worst {
     /// Seed of the scene.
     pub seed: u64,
     /// Number of the frame.
     pub frame: usize,
-    /// Wrong rings, then whether a pose is missing, then the largest error in standard deviations.
+    /// Wrong rings, or windows without a ring; then whether a pose is missing, then the largest error in
+    /// standard deviations.
     rank: (usize, bool, f64),
 }
 
@@ -73,8 +74,10 @@ pub struct Outcome {
     pub most_sigmas: f64,
     /// What each frame cost.
     pub costs: Vec<Cost>,
-    /// The frame to look at.
+    /// The frame to look at ...
     pub worst: Worst,
+    /// ... and the one with the most windows without a ring, of those with enough rings free if it has any.
+    pub emptiest: Worst,
 }
 
 impl Outcome {
@@ -101,6 +104,9 @@ impl Outcome {
         self.costs.extend(other.costs);
         if other.worst.rank > self.worst.rank {
             self.worst = other.worst;
+        }
+        if other.emptiest.rank > self.emptiest.rank {
+            self.emptiest = other.emptiest;
         }
     }
 
@@ -238,6 +244,12 @@ pub fn play(keeping: &Keeping, seed: u64) -> Outcome {
         let rank = (wrong, missing && outcome.poses > 0, sigmas);
         if rank >= outcome.worst.rank {
             outcome.worst = Worst { seed, frame, rank };
+        }
+        let empty = frame_loop.engine.looks().filter(|look| look.seen.is_err()).count();
+        // With enough rings free it says more than any without.
+        let rank = (if is_enough { 100 * empty } else { empty }, missing, sigmas);
+        if outcome.poses > 0 && rank > outcome.emptiest.rank {
+            outcome.emptiest = Worst { seed, frame, rank };
         }
     }
     outcome

@@ -2,6 +2,7 @@
 //! each:
 //!
 //!     cargo run --release -p e2e --bin keeping -- [--seeds N] [--pictures FOLDER] [SCENE ...]
+//!     cargo run --release -p e2e --bin keeping -- --pictures FOLDER --frame N [--seed S] SCENE ...
 //!
 //! Of the frames with six rings or more free to see (`6 free`) most have a pose. The others come before the
 //! first pose of all (`first`: a picture is searched in slices, and no frame has what two of them find),
@@ -12,8 +13,10 @@
 //! slowest frame over the median one of those that track, in time and in counted work: its prices are those of
 //! pictures of 1920 x 1080; a small one is swept in less time than it says.
 //!
-//! With `--pictures` the worst frame of each scene is written there, with windows, centres and refusals drawn
-//! in.
+//! With `--pictures` two frames of each scene are written there, with windows, centres and refusals drawn in:
+//! `SCENE.png` is the worst one, by wrong rings, missing pose and error in standard deviations, and
+//! `SCENE-empty.png` the one with the most windows without a ring, of those with six rings or more free if
+//! they have any. With `--frame` any frame is, of the first seed or of the one named, and nothing is played.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -25,10 +28,18 @@ use rayon::prelude::*;
 /// First seed; the ones after it follow.
 const FIRST_SEED: u64 = 100;
 
+const USAGE: &str = "keeping [--seeds N] [--pictures FOLDER] [SCENE ...]
+keeping --pictures FOLDER --frame N [--seed S] SCENE ...
+Without a scene the table is over all; what its columns are stands at the top of tests/src/bin/keeping.rs.";
+
 /// What the command line says.
 struct Asked {
+    help: bool,
     seeds: u64,
     pictures: Option<PathBuf>,
+    /// The only frame that is wanted, and of which seed.
+    frame: Option<usize>,
+    seed: u64,
     scenes: Vec<Keeping>,
 }
 
@@ -40,6 +51,40 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    if asked.help {
+        println!("{USAGE}");
+        return ExitCode::SUCCESS;
+    }
+    match shown(&asked) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(sentence) => {
+            eprintln!("keeping: {sentence}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints and draws what is asked for.
+fn shown(asked: &Asked) -> Result<(), String> {
+    let draw = |keeping: &Keeping, seed: u64, frame: usize, ending: &str| {
+        let Some(folder) = &asked.pictures else { return Ok(()) };
+        let file = folder.join(format!("{}{ending}.png", keeping.name));
+        drawing::draw(keeping, seed, frame, &file)
+            .map_err(|error| format!("{} cannot be written: {error}", file.display()))
+    };
+    if let Some(frame) = asked.frame {
+        return asked.scenes.iter().try_for_each(|keeping| {
+            let frames = keeping.scene(asked.seed).frames();
+            if frame >= frames as usize {
+                return Err(format!(
+                    "--frame is {frame}; {} has the frames 0 to {}",
+                    keeping.name,
+                    frames - 1
+                ));
+            }
+            draw(keeping, asked.seed, frame, &format!("-{frame}"))
+        });
+    }
     heading();
     for keeping in &asked.scenes {
         let seeds = (FIRST_SEED..FIRST_SEED + asked.seeds).into_par_iter();
@@ -47,19 +92,15 @@ fn main() -> ExitCode {
         let mut all = Outcome::default();
         outcomes.into_iter().for_each(|outcome| all.add(outcome));
         row(&keeping.name, asked.seeds, &all);
-        if let Some(folder) = &asked.pictures {
-            let file = folder.join(format!("{}.png", keeping.name));
-            if let Err(error) = drawing::draw(keeping, all.worst.seed, all.worst.frame, &file) {
-                eprintln!("keeping: {} cannot be written: {error}", file.display());
-                return ExitCode::FAILURE;
-            }
-        }
+        draw(keeping, all.worst.seed, all.worst.frame, "")?;
+        draw(keeping, all.emptiest.seed, all.emptiest.frame, "-empty")?;
     }
-    ExitCode::SUCCESS
+    Ok(())
 }
 
 fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
-    let mut asked = Asked { seeds: 20, pictures: None, scenes: Vec::new() };
+    let mut asked =
+        Asked { help: false, seeds: 20, pictures: None, frame: None, seed: FIRST_SEED, scenes: Vec::new() };
     let all = Keeping::all();
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -68,6 +109,16 @@ fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
                 let number = number.filter(|number| (1..=10_000).contains(number));
                 asked.seeds = number.ok_or("--seeds must be followed by a whole number from 1 to 10000")?;
             }
+            "--frame" => {
+                let number = arguments.next().and_then(|text| text.parse().ok());
+                asked.frame =
+                    Some(number.ok_or("--frame must be followed by the number of a frame, from 0")?);
+            }
+            "--seed" => {
+                let number = arguments.next().and_then(|text| text.parse().ok());
+                asked.seed = number.ok_or("--seed must be followed by a whole number from 0")?;
+            }
+            "--help" => asked.help = true,
             "--pictures" => {
                 let folder = arguments.next().map(PathBuf::from).filter(|folder| folder.is_dir());
                 asked.pictures = Some(folder.ok_or("--pictures must be followed by a folder that is there")?);
@@ -80,6 +131,9 @@ fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
                 }
             },
         }
+    }
+    if asked.frame.is_some() && (asked.pictures.is_none() || asked.scenes.is_empty()) {
+        return Err("--frame draws one frame of the scenes named: give --pictures FOLDER and a scene".into());
     }
     if asked.scenes.is_empty() {
         asked.scenes = all;
