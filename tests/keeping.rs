@@ -4,7 +4,9 @@
 //!     cargo run --release -p e2e --bin keeping
 
 use e2e::keeping::{FOUND_WITHIN, play};
-use e2e::{Keeping, Ride};
+use e2e::{Keeping, Ride, used_rings};
+use gangway_pose::Pose;
+use gangway_scene::Scene;
 use gangway_wire::Record;
 
 #[test]
@@ -37,6 +39,61 @@ fn equal_targets_that_look_the_same_upside_down_are_refused_unless_the_cameras_p
     let rough = play(&Keeping::named("same-rough"), 100);
     assert_eq!(rough.wrong, 0);
     assert!(rough.first[1] <= 3 && rough.longest() == 0, "{} frames to be found", rough.first[1]);
+}
+
+/// Frames with a pose, and rings in poses that are more than 5 px from where their circles truly show.
+fn poses_and_wrong_rings(scene: &Scene, ride: &Ride) -> (usize, usize) {
+    let mut frame_loop = ride.start();
+    let (mut poses, mut wrong) = (0, 0);
+    for frame in 0..ride.frames.len() {
+        let centres: Vec<Option<[f64; 2]>> = scene.centres(frame as u32).into_iter().flatten().collect();
+        frame_loop.step(frame, frame as u32, |record| match record {
+            Record::Pose(pose) => poses += usize::from(pose.markers > 0),
+            Record::Markers(markers) => {
+                wrong += used_rings(markers, &centres).filter(|(_, off)| *off > 5.0).count();
+            }
+            _ => {}
+        });
+    }
+    (poses, wrong)
+}
+
+#[test]
+fn a_coarse_pose_that_is_far_off_never_makes_a_wrong_ring() {
+    for name in ["same-rough", "same-unknown", "plain"] {
+        let scene = Keeping::named(name).scene(100).with_frames(30);
+        let mut ride = Ride::of(&scene);
+        // 1 m and 30 degrees off. Equal targets told to be upside down would be taken for that.
+        for (position, turned) in
+            [([-1620.0, 1040.0, 320.0], [0.0, 3.0, 28.0]), ([-620.0, 40.0, 320.0], [30.0, 3.0, -1.0])]
+        {
+            ride.settings.reference = Some(Pose::of_camera(position, turned));
+            let (poses, wrong) = poses_and_wrong_rings(&scene, &ride);
+            assert_eq!(wrong, 0, "{name}, told {position:?} {turned:?}: {poses} poses");
+        }
+    }
+}
+
+#[test]
+fn seeds_that_point_at_the_wrong_targets_never_make_a_wrong_ring() {
+    let mut keeping = Keeping::named("plain");
+    keeping.extend("[setup]\nseeds = true");
+    let scene = keeping.scene(100).with_frames(30);
+    let told = Ride::of(&scene).settings.seeds;
+    // All of them turned on by a target or two, or those of one target only, where another one shows.
+    for (turn, only) in [(5, 0..15), (10, 0..15), (5, 0..5), (10, 0..5), (10, 5..10)] {
+        let mut ride = Ride::of(&scene);
+        ride.settings.seeds = told.clone();
+        ride.settings.seeds.rotate_left(turn);
+        for (circle, seed) in ride.settings.seeds.iter_mut().enumerate() {
+            *seed = seed.filter(|_| only.contains(&circle));
+        }
+        // Or they give no pose, and the setup is refused.
+        if e2e::try_engine(&ride.settings).is_some() {
+            let (poses, wrong) = poses_and_wrong_rings(&scene, &ride);
+            assert_eq!(wrong, 0, "by {turn} seeds, of {only:?}: {poses} poses");
+        }
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ pub mod keeping;
 mod programs;
 mod scenes;
 
-pub use board::{Ended, Loop, Ride, engine};
+pub use board::{Ended, Loop, Ride, engine, try_engine};
 pub use judge::{sigmas_off, used_rings};
 pub use programs::{bench, emulated_bench, gangway, sentence};
 pub use scenes::Keeping;

@@ -84,6 +84,9 @@ pub(crate) struct Keeper {
     trusted: bool,
     /// While lost: the next frame is looked at where the last pose was.
     looks_back: bool,
+    /// The place is only told, and neither most of all circles nor a whole sweep has borne it out: seeds may
+    /// be another target's, with the others out of the picture by that.
+    unproven: bool,
     /// Frame and number of circles when a doubt was settled.
     settled: Option<(u32, u32)>,
 }
@@ -91,8 +94,10 @@ pub(crate) struct Keeper {
 impl Keeper {
     /// Begins with a pose that is `known`, or with nothing.
     pub(crate) fn new(sight: &Sight<'_>, known: bool, fixed: bool) -> Self {
+        let acquirer = Acquirer::new(sight);
         Self {
-            acquirer: Acquirer::new(sight),
+            unproven: known && acquirer.is_able(),
+            acquirer,
             fixed,
             searched: false,
             trusted: false,
@@ -147,7 +152,8 @@ impl Keeper {
         let lost = matches!(self.hold, Hold::Lost { .. });
         if let Ok(own) = question.solution {
             let used = own.used.count_ones();
-            let stands = is_trusted(used, question.in_picture)
+            self.unproven &= !is_trusted(used, question.sight.circles.len() as u32);
+            let stands = (is_trusted(used, question.in_picture) && !self.unproven)
                 || (!lost && self.waits(frame.number(), used))
                 || (lost && self.confirms(own, question));
             if stands {
@@ -191,6 +197,8 @@ impl Keeper {
             return Verdict::Try { found, instead: true };
         }
         let progress = self.acquirer.slice(frame, &sight, Windows::InDoubt, others, question.is_plausible);
+        let was_unproven = self.unproven;
+        self.unproven &= progress == Progress::Going;
         if progress != Progress::Going {
             self.settled = Some((frame.number(), own.used.count_ones()));
         }
@@ -198,8 +206,8 @@ impl Keeper {
             Progress::Assigned(found) if stands && agree(&found.pose, &own.pose, &sight, searches) => {
                 Verdict::Keep
             }
-            Progress::Assigned(found) => Verdict::Try { found, instead: !stands },
-            _ if stands => Verdict::Keep,
+            Progress::Assigned(found) => Verdict::Try { found, instead: was_unproven || !stands },
+            _ if stands && !self.unproven => Verdict::Keep,
             _ => Verdict::Refuse,
         }
     }
@@ -241,7 +249,10 @@ impl Keeper {
             Hold::Kept => Hold::Missing(1),
             Hold::Missing(_) if followed => Hold::Missing(1),
             Hold::Missing(frames) if frames < COASTING_FRAMES => Hold::Missing(frames + 1),
-            Hold::Missing(_) => Hold::Lost { once: true },
+            Hold::Missing(_) => {
+                self.unproven = false;
+                Hold::Lost { once: true }
+            }
             lost => lost,
         };
     }
