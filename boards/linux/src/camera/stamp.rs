@@ -1,6 +1,8 @@
 //! From the kernel's time of a picture to the middle of its exposure (Linux userspace API, "V4L2 buffer
 //! timestamps": the source flag says which instant the kernel noted).
 
+use v4l::buffer::Flags;
+
 /// What is known of the exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Shutter {
@@ -68,8 +70,14 @@ impl Shutter {
 /// A picture noted longer ago than this was not noted by the monotonic clock, ns: nobody waits so long.
 const OLDEST_NS: u64 = 10_000_000_000;
 
-/// The source that the kernel's flags name, where its time can be one of the monotonic clock.
-pub(crate) fn source(is_monotonic: bool, is_start: bool, noted_ns: u64, now_ns: u64) -> TimeSource {
+/// The source that the flags of a V4L2 buffer name, whatever driver set them, where its time can be one of the
+/// monotonic clock (`uvcvideo` says so even where its module was told to take another clock).
+///
+/// `TSTAMP_SRC_SOE` is "when the exposure of the frame has begun", `TSTAMP_SRC_EOF`, no bit at all, "when the
+/// last pixel of the frame has been received" (Linux userspace API, "Buffer Flags").
+pub(crate) fn source(flags: Flags, noted_ns: u64, now_ns: u64) -> TimeSource {
+    let is_monotonic = flags & Flags::TIMESTAMP_MASK == Flags::TIMESTAMP_MONOTONIC;
+    let is_start = flags & Flags::TSTAMP_SRC_MASK == Flags::TSTAMP_SRC_SOE;
     if !is_monotonic || noted_ns == 0 || noted_ns > now_ns || now_ns - noted_ns > OLDEST_NS {
         TimeSource::Arrival
     } else if is_start {
@@ -128,15 +136,34 @@ mod tests {
         assert_eq!(Shutter { exposure_ns: 0, ..shutter }.end(TimeSource::StartOfExposure, 1), None);
     }
 
+    /// The numbers of linux/videodev2.h.
+    fn of_flags(flags: u32, noted_ns: u64, now_ns: u64) -> TimeSource {
+        source(Flags::from(flags), noted_ns, now_ns)
+    }
+
+    #[test]
+    fn the_source_of_a_time_is_what_the_buffers_flags_say() {
+        let (now, mapped_done_key) = (50_000_000_000, 0x0001 | 0x0004 | 0x0008);
+        for (flags, source) in [
+            (0x0000_2000, TimeSource::EndOfFrame),
+            (0x0001_2000, TimeSource::StartOfExposure),
+            // By no clock that is known, and copied from what was written into the device.
+            (0x0000_0000, TimeSource::Arrival),
+            (0x0001_0000, TimeSource::Arrival),
+            (0x0000_4000, TimeSource::Arrival),
+            (0x0001_4000, TimeSource::Arrival),
+        ] {
+            assert_eq!(of_flags(flags, now - 1, now), source, "{flags:#x}");
+            assert_eq!(of_flags(flags | mapped_done_key, now - 1, now), source, "{flags:#x}");
+        }
+    }
+
     #[test]
     fn a_time_of_another_clock_is_not_taken() {
         let now = 50_000_000_000;
-        assert_eq!(source(true, true, now - 1, now), TimeSource::StartOfExposure);
-        assert_eq!(source(true, false, now - 1, now), TimeSource::EndOfFrame);
-        for (is_monotonic, noted) in
-            [(false, now - 1), (true, 0), (true, now + 1), (true, now - OLDEST_NS - 1)]
-        {
-            assert_eq!(source(is_monotonic, true, noted, now), TimeSource::Arrival, "{noted}");
+        // The last one is of the real-time clock.
+        for noted in [0, now + 1, now - OLDEST_NS - 1, 1_790_000_000_000_000_000] {
+            assert_eq!(of_flags(0x0001_2000, noted, now), TimeSource::Arrival, "{noted}");
         }
     }
 

@@ -277,12 +277,10 @@ impl Stream for V4l2Stream {
         let noted_ns = (meta.timestamp.sec as u64)
             .saturating_mul(1_000_000_000)
             .saturating_add((meta.timestamp.usec as u64).saturating_mul(1_000));
-        let flags = meta.flags;
-        let is_monotonic = flags & Flags::TIMESTAMP_MASK == Flags::TIMESTAMP_MONOTONIC;
-        let is_start = flags & Flags::TSTAMP_SRC_MASK == Flags::TSTAMP_SRC_SOE;
-        let (sequence, is_damaged) = (meta.sequence, flags.contains(Flags::ERROR));
+        let (sequence, flags) = (meta.sequence, meta.flags);
+        let is_damaged = flags.contains(Flags::ERROR);
         let now_ns = monotonic_ns();
-        let source = stamp::source(is_monotonic, is_start, noted_ns, now_ns);
+        let source = stamp::source(flags, noted_ns, now_ns);
         let noted_ns = if source == TimeSource::Arrival { now_ns } else { noted_ns };
         if source == TimeSource::Arrival && !std::mem::replace(&mut self.has_said_clock, true) {
             self.notices.mark("the camera's clock is not monotonic: times are of arrival");
