@@ -90,11 +90,12 @@ pub(crate) fn source(flags: Flags, noted_ns: u64, now_ns: u64) -> TimeSource {
 /// libcamera's `SensorTimestamp`, ns, as a time of the monotonic clock, and what it is of; without one that
 /// can be true the time of arrival.
 ///
-/// libcamera (0.4 to 0.7, `control_ids_core.yaml`) documents it as the time when the first row is exposed, by
-/// CLOCK_BOOTTIME. Its pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the
-/// receiver's V4L2 buffer: CLOCK_MONOTONIC at the start of the frame on the wire, when the first row has been
-/// exposed and begins to be read. That is what is taken; a time that only the boot clock can have noted is
-/// brought to the monotonic one.
+/// libcamera (0.4 to 0.7, `control_ids_core.yaml`) documents it as "the time when the first row of the image
+/// sensor active array is exposed", by CLOCK_BOOTTIME, and leaves open which end of the exposure that is. Its
+/// pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the receiver's V4L2 buffer, which
+/// both drivers (`bcm2835-unicam`, `rp1-cfe`) note by CLOCK_MONOTONIC in the interrupt of the frame's start on
+/// the wire, "when the first data byte was captured": the first row has been exposed and begins to be read.
+/// That is what is taken; a time that only the boot clock can have noted is brought to the monotonic one.
 pub fn sensor_time(told: Option<i64>, monotonic_ns: u64, boottime_ns: u64) -> (u64, TimeSource) {
     let told = told.and_then(|ns| u64::try_from(ns).ok());
     match told.and_then(|ns| of_either_clock(ns, monotonic_ns, boottime_ns)) {
