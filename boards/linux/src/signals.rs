@@ -16,14 +16,14 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Takes SIGTERM, SIGINT and SIGHUP over. A second SIGTERM or SIGINT ends the program at once.
+    /// Takes SIGTERM, SIGINT and SIGHUP over. A second SIGTERM or SIGINT - a shell and its terminal send one
+    /// each - changes nothing: lamps are still to be put out, and what is left to be sent, within seconds.
     ///
     /// # Errors
     /// The system's.
     pub fn take_over() -> io::Result<Self> {
         let signals = Self::default();
         for signal in [SIGINT, SIGTERM] {
-            flag::register_conditional_default(signal, Arc::clone(&signals.stop))?;
             flag::register(signal, Arc::clone(&signals.stop))?;
         }
         flag::register(SIGHUP, Arc::clone(&signals.reload))?;

@@ -125,6 +125,29 @@ fn a_box_without_a_camera_reads_its_setup_again_and_ends_properly() {
 }
 
 #[test]
+fn a_second_signal_does_not_cut_the_end_of_a_session_short() {
+    let place = tempfile::tempdir().unwrap();
+    let setup = setup(place.path(), "/dev/no-such-camera");
+    // Nobody listens there: at the end the box waits for somebody who takes what is left.
+    let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin("gangway-pi"))
+        .args(["run", "--setup", &setup, "--to", "tcp-connect://127.0.0.1:1"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let pid = Pid::from_child(&program);
+    let mut said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(said.by_ref().any(|line| line.contains("there is no camera")));
+    // Two different ones are never merged into one.
+    kill_process(pid, Signal::INT).unwrap();
+    kill_process(pid, Signal::TERM).unwrap();
+    let output = program.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", output.status);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(told.starts_with("0 frames, 0 poses"), "{told}");
+}
+
+#[test]
 fn a_box_that_is_not_permitted_real_time_says_so_in_its_records_and_measures_on() {
     let place = tempfile::tempdir().unwrap();
     let setup = setup(place.path(), "/dev/no-such-camera");
