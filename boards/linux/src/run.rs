@@ -154,13 +154,13 @@ where
                 Err(error) => say(&format!("there is no log: {error}")),
             }
         }
-        let done = &is_done;
+        let (done, counted) = (&is_done, notices.clone());
         let link = thread::Builder::new().name("link".into()).stack_size(LINK_STACK).spawn_scoped(
             scope,
             move || {
                 signals::block();
                 let _end = StopOnPanic(signals);
-                carry(courier, &said, done, signals, say)
+                carry(courier, &said, &counted, done, signals, say)
             },
         );
         let frames =
