@@ -57,3 +57,21 @@ fn systemd_takes_the_service() {
     let about: Vec<&str> = said.lines().filter(|line| line.contains("gangway")).collect();
     assert!(verified.status.success() && about.is_empty(), "{said}");
 }
+
+#[test]
+fn the_service_is_kept_from_nothing_that_libcamera_opens() {
+    // Process::isolate() of libcamera: unshare(CLONE_NEWUSER | CLONE_NEWNET), for an algorithm whose signature
+    // does not match; its sockets to it, and udev's.
+    assert!(UNIT.contains("\nRestrictNamespaces=user net\n"), "{UNIT}");
+    let families = UNIT.lines().find(|line| line.starts_with("RestrictAddressFamilies=")).expect("families");
+    assert!(["AF_UNIX", "AF_NETLINK"].iter().all(|family| families.contains(family)), "{families}");
+    // Its devices are those of the groups and rules: the unit itself leaves all of them in sight.
+    for key in ["PrivateDevices=", "DeviceAllow=", "DevicePolicy=", "SystemCallFilter=", "PrivateNetwork="] {
+        assert!(!UNIT.lines().any(|line| line.starts_with(key)), "{key}");
+    }
+    let rules = include_str!("../package/60-gangway.rules");
+    for what in ["video4linux", "media", "dma_heap", "udmabuf"] {
+        let rule = rules.lines().find(|line| line.contains(&format!("\"{what}\""))).expect(what);
+        assert!(rule.contains("GROUP=\"video\"") && rule.contains("MODE=\"0660\""), "{rule}");
+    }
+}
