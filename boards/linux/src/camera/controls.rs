@@ -27,22 +27,31 @@ pub(crate) trait Controls {
 const AUTO_WHITE_BALANCE: u32 = 0x0098_090c;
 const AUTO_GAIN: u32 = 0x0098_0912;
 const GAIN: u32 = 0x0098_0913;
+const HUE_AUTO: u32 = 0x0098_0919;
 const AUTO_BRIGHTNESS: u32 = 0x0098_0920;
 const EXPOSURE_AUTO: u32 = 0x009a_0901;
 const EXPOSURE_ABSOLUTE: u32 = 0x009a_0902;
 const EXPOSURE_AUTO_PRIORITY: u32 = 0x009a_0903;
 const FOCUS_ABSOLUTE: u32 = 0x009a_090a;
 const FOCUS_AUTO: u32 = 0x009a_090c;
+const WIDE_DYNAMIC_RANGE: u32 = 0x009a_0915;
+const IMAGE_STABILIZATION: u32 = 0x009a_0916;
+const ISO_SENSITIVITY_AUTO: u32 = 0x009a_0918;
 const ANALOGUE_GAIN: u32 = 0x009e_0903;
 
-/// What moves by itself, and the value that stops it: `V4L2_EXPOSURE_MANUAL` is 1, everything else a switch.
-const AUTOMATIC: [(u32, i64); 6] = [
+/// What moves by itself - gains, lens, even the picture - and the value that stops it: `V4L2_EXPOSURE_MANUAL`
+/// is 1, everything else a switch.
+const AUTOMATIC: [(u32, i64); 10] = [
     (EXPOSURE_AUTO, 1),
     (EXPOSURE_AUTO_PRIORITY, 0),
     (AUTO_GAIN, 0),
     (AUTO_BRIGHTNESS, 0),
     (AUTO_WHITE_BALANCE, 0),
+    (HUE_AUTO, 0),
     (FOCUS_AUTO, 0),
+    (ISO_SENSITIVITY_AUTO, 0),
+    (WIDE_DYNAMIC_RANGE, 0),
+    (IMAGE_STABILIZATION, 0),
 ];
 /// The unit of `EXPOSURE_ABSOLUTE`, us.
 const EXPOSURE_UNIT_US: f64 = 100.0;
@@ -191,6 +200,15 @@ mod tests {
         let values = camera.0.borrow();
         assert_eq!((values[&EXPOSURE_AUTO], values[&AUTO_GAIN]), (1, 0));
         assert_eq!((values[&EXPOSURE_ABSOLUTE], values[&ANALOGUE_GAIN]), (40, 8));
+    }
+
+    #[test]
+    fn a_camera_that_shifts_its_picture_by_itself_is_kept_from_it() {
+        // HUE_AUTO, WIDE_DYNAMIC_RANGE, IMAGE_STABILIZATION and ISO_SENSITIVITY_AUTO of linux/v4l2-controls.h.
+        let switches = [0x0098_0900 + 25, 0x009a_0900 + 21, 0x009a_0900 + 22, 0x009a_0900 + 24];
+        let camera = Fake::with(&switches);
+        apply(&camera, &Capture::default(), 0.0).unwrap();
+        assert_eq!(switches.map(|id| camera.0.borrow()[&id]), [0; 4]);
     }
 
     #[test]
