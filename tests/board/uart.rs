@@ -13,12 +13,19 @@ use crate::show::{Show, job};
 fn records_come_over_the_uart_too() {
     let folder = tempfile::tempdir().expect("a folder");
     let show = Show::new("");
-    let job = job("serial:/dev/ttyAMA0@115200")
+    let job = "gangway-pi check --setup /setup.toml --to serial:/dev/ttyAMA0@50000000\n".to_owned()
+        + &job("serial:/dev/ttyAMA0@115200")
         + "read go
         kill -TERM $BOX; wait $BOX; echo \"board: box ended with $?\"
         kill $FEED";
     let mut board = show.boot(&job);
     let heard = |board: &Guest| Said::of(&std::fs::read(board.uart()).unwrap_or_default()).poses.len();
+    // Its clock gives 3 million baud at most.
+    let refused = board.expect("line: ");
+    assert!(
+        refused.starts_with("no    line: ") && refused.contains("it cannot do 50000000 baud"),
+        "{refused}"
+    );
     board.expect("gangway-pi: measuring to serial:/dev/ttyAMA0@115200");
     let since = Instant::now();
     while heard(&board) < 12 {

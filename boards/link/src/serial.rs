@@ -12,6 +12,8 @@ use serialport::{ClearBuffer, DataBits, ErrorKind, FlowControl, Parity, SerialPo
 use crate::error::is_busy;
 use crate::{Address, Error};
 
+/// A rate may be off by this share, %: over the ten bits of a byte half a bit is 5 %, for both ends together.
+const TOLERANCE_PERCENT: u32 = 2;
 /// Wait before a device that failed is opened again.
 const WAIT: Duration = Duration::from_millis(500);
 
@@ -85,6 +87,10 @@ fn open(device: &str, baud: u32) -> serialport::Result<TTYPort> {
         .flow_control(FlowControl::None)
         .timeout(Duration::ZERO)
         .open_native()?;
+    // A driver takes the nearest rate that it has, and only tells so.
+    if !is_same_rate(port.baud_rate()?, baud) {
+        return Err(serialport::Error::new(ErrorKind::InvalidInput, "it took another rate"));
+    }
     port.clear(ClearBuffer::Input)?;
     // SAFETY: the descriptor belongs to `port`, which outlives this borrow.
     let fd = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
@@ -92,6 +98,10 @@ fn open(device: &str, baud: u32) -> serialport::Result<TTYPort> {
     let flags = fcntl_getfl(fd).map_err(io::Error::from)?;
     fcntl_setfl(fd, flags | OFlags::NONBLOCK).map_err(io::Error::from)?;
     Ok(port)
+}
+
+fn is_same_rate(told: u32, wanted: u32) -> bool {
+    u64::from(told.abs_diff(wanted)) * 100 <= u64::from(wanted) * u64::from(TOLERANCE_PERCENT)
 }
 
 fn why(error: &serialport::Error, baud: u32) -> String {
@@ -197,6 +207,17 @@ mod tests {
         let record = [&[7; 599][..], &[0]].concat();
         // A terminal's buffer is some KiB: a write that waits would hang this test.
         while link.send(&record).unwrap() > 0 {}
+    }
+
+    #[test]
+    fn a_rate_off_any_list_is_taken_and_one_that_the_driver_rounds_away_is_not() {
+        let (_host, name) = pair();
+        for baud in [50, 115_201, 250_000, 12_345_678] {
+            let link = Serial::open(&name, baud).unwrap();
+            assert_eq!(link.port.unwrap().baud_rate().unwrap(), baud);
+        }
+        assert!(is_same_rate(3_000_000, 3_000_000) && is_same_rate(115_942, 115_200));
+        assert!(!is_same_rate(3_000_000, 50_000_000) && !is_same_rate(9_600, 10_000) && !is_same_rate(0, 50));
     }
 
     #[test]
