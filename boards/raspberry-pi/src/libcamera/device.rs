@@ -13,7 +13,7 @@ use ::libcamera::camera_manager::CameraManager;
 use ::libcamera::control::{ControlInfoMap, ControlList};
 use ::libcamera::control_value::ControlValue;
 use ::libcamera::controls::{
-    AeEnable, AfMode, AnalogueGain, ControlId, ExposureTime, FrameDurationLimits, LensPosition,
+    AeEnable, AfMode, AnalogueGain, AwbEnable, ControlId, ExposureTime, FrameDurationLimits, LensPosition,
     SensorTimestamp,
 };
 use ::libcamera::framebuffer::{AsFrameBuffer as _, FrameMetadataStatus};
@@ -132,6 +132,10 @@ impl Libcamera {
         let mut all = Vec::new();
         if has(ControlId::AeEnable) {
             all.push((ControlId::AeEnable, AeEnable(false).into()));
+        }
+        // Gains of colours that change by themselves change the luma made of them.
+        if has(ControlId::AwbEnable) {
+            all.push((ControlId::AwbEnable, AwbEnable(false).into()));
         }
         let wanted = &self.capture;
         if self.camera.exposure_ms > 0.0 && !has(ControlId::ExposureTime) {
