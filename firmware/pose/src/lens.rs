@@ -48,9 +48,13 @@ impl core::error::Error for LensError {}
 const CONVERGED_STEP: f64 = 1e-12;
 /// Distorting an undistorted point must give the pixel back to this many pixels.
 const ROUND_TRIP_PX: f64 = 5e-10;
-/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not
-/// decide.
+/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not decide, and to
+/// which a pixel is followed that Newton's method alone does not bring back.
 const WAY_POINTS: u32 = 32;
+
+/// What is left of an area at these points at the least: so it does not vanish between two of them, and the inverse
+/// is a lens' and not a rounding's.
+const ROOM: f64 = 0.01;
 
 /// The distorted point and the derivative of the distortion, which is symmetric.
 #[derive(Clone, Copy)]
@@ -110,8 +114,8 @@ impl Lens {
 
     /// The ideal normalised point `(X/Z, Y/Z)` that is seen at a pixel.
     ///
-    /// Newton's method, each step shortened until it leads nearer; the answer is distorted again and compared
-    /// with the pixel before it is given.
+    /// Newton's method, each step shortened until it leads nearer, and where that fails along the way from the
+    /// axis; the answer is distorted again and compared with the pixel before it is given.
     ///
     /// # Errors
     /// The pixel is not finite, or no point in the invertible part is seen there.
@@ -122,26 +126,30 @@ impl Lens {
         if !(target_x.is_finite() && target_y.is_finite()) {
             return Err(LensError::NotFinite);
         }
-        let (mut x, mut y) = (target_x, target_y);
+        let target = [target_x, target_y];
+        let ray = self.undistorted(target, target).or_else(|| self.undistorted_by_steps(target));
+        ray.filter(|[x, y]| self.is_invertible(*x, *y)).ok_or(LensError::NotInvertible)
+    }
+
+    /// The ideal point whose distorted one is `target`, by Newton's method from `start`; `None` where that does not lead
+    /// there.
+    fn undistorted(&self, target: [f64; 2], [mut x, mut y]: [f64; 2]) -> Option<[f64; 2]> {
+        let off = |here: &Distorted| [target[0] - here.x, target[1] - here.y];
+        let square = |[x, y]: [f64; 2]| x * x + y * y;
         let mut here = self.distort(x, y);
-        // Beyond the invertible part the axis is the only start that is known to be good.
-        if !here.is_positive_definite() {
-            (x, y) = (0.0, 0.0);
-            here = self.distort(x, y);
-        }
-        let mut error = squared(target_x - here.x, target_y - here.y);
+        let mut error = square(off(&here));
         for _ in 0..64 {
-            let determinant = here.xx * here.yy - here.xy * here.xy;
             if !here.is_positive_definite() {
-                return Err(LensError::NotInvertible);
+                return None;
             }
-            let (ex, ey) = (target_x - here.x, target_y - here.y);
+            let determinant = here.xx * here.yy - here.xy * here.xy;
+            let [ex, ey] = off(&here);
             let dx = (here.yy * ex - here.xy * ey) / determinant;
             let dy = (here.xx * ey - here.xy * ex) / determinant;
             let mut share = 1.0;
             loop {
                 let next = self.distort(x + share * dx, y + share * dy);
-                let next_error = squared(target_x - next.x, target_y - next.y);
+                let next_error = square(off(&next));
                 if next.is_positive_definite() && next_error <= error {
                     (x, y) = (x + share * dx, y + share * dy);
                     (here, error) = (next, next_error);
@@ -152,18 +160,23 @@ impl Lens {
                     break;
                 }
             }
-            if share < 1e-3 || squared(dx, dy) < CONVERGED_STEP * CONVERGED_STEP {
+            if share < 1e-3 || square([dx, dy]) < CONVERGED_STEP * CONVERGED_STEP {
                 break;
             }
         }
-        let focal = self.focal[0].max(self.focal[1]);
-        let tolerance = ROUND_TRIP_PX / focal;
-        // NaN fails the comparison and is refused with the rest.
-        if error <= tolerance * tolerance && self.is_invertible(x, y) {
-            Ok([x, y])
-        } else {
-            Err(LensError::NotInvertible)
-        }
+        let tolerance = ROUND_TRIP_PX / self.focal[0].max(self.focal[1]);
+        // NaN fails the comparison.
+        (error <= tolerance * tolerance).then_some([x, y])
+    }
+
+    /// The same from the axis on: near the edge of the invertible part Newton's method starts too far away, or where
+    /// the derivative is nearly singular.
+    #[cold]
+    fn undistorted_by_steps(&self, target: [f64; 2]) -> Option<[f64; 2]> {
+        (1..=WAY_POINTS).try_fold([0.0; 2], |at, step| {
+            let share = f64::from(step) / f64::from(WAY_POINTS);
+            self.undistorted(target.map(|coordinate| share * coordinate), at)
+        })
     }
 
     /// The pixel of a camera point, or of several, with its derivative: the inner loop of the refinement.
@@ -251,11 +264,8 @@ impl Lens {
     fn way_is_invertible(&self, x: f64, y: f64) -> bool {
         (1..=WAY_POINTS).all(|i| {
             let share = f64::from(i) / f64::from(WAY_POINTS);
-            self.distort(share * x, share * y).is_positive_definite()
+            let d = self.distort(share * x, share * y);
+            d.xx + d.yy > 0.0 && d.xx * d.yy - d.xy * d.xy > ROOM
         })
     }
-}
-
-fn squared(x: f64, y: f64) -> f64 {
-    x * x + y * y
 }

@@ -132,3 +132,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_pixel_comes_back_even_if_the_search_begins_where_the_lens_is_nearly_singular() {
+    // Taken for a ray, the distorted point has a derivative with a determinant of 0.0002.
+    let distortion = [0.37697, -0.18627, -0.00399, -0.00466, -0.10083];
+    let lens = Lens { focal: [500.0, 475.0], skew: 0.0, principal: [300.0, 200.0], distortion };
+    let [x, y] = [-0.360_47, -0.882_65];
+    let pixel = lens.project(&Vector3::new(x, y, 1.0)).expect("the way from the axis is open");
+    let [rx, ry] = lens.pixel_to_ray(pixel).expect("what is seen has a ray");
+    assert!((rx - x).abs() < 1e-9 && (ry - y).abs() < 1e-9, "{rx} {ry}");
+}
+
+#[test]
+fn a_way_from_the_axis_that_is_all_but_closed_is_not_open() {
+    // Between two points at which the derivative is looked at, its determinant is negative.
+    let distortion = [-0.087_446_42, -0.281_243_77, 0.001_626_64, -0.000_152_41, 0.111_282_96];
+    let lens = Lens { focal: [500.0, 475.0], skew: 0.0, principal: [300.0, 200.0], distortion };
+    let point = Vector3::new(-1.073_266_364_026_850_3, 0.413_047_792_181_079_9, 1.0);
+    assert_eq!(lens.project(&point), Err(LensError::NotInvertible));
+}
