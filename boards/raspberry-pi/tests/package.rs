@@ -60,8 +60,8 @@ fn systemd_takes_the_service() {
 
 #[test]
 fn the_service_is_kept_from_nothing_that_libcamera_opens() {
-    // Process::isolate() of libcamera: unshare(CLONE_NEWUSER | CLONE_NEWNET), for an algorithm whose signature
-    // does not match; its sockets to it, and udev's.
+    // Process::isolate() of libcamera: unshare(CLONE_NEWUSER | CLONE_NEWNET), for an algorithm whose
+    // signature does not match; its sockets to it, and udev's.
     assert!(UNIT.contains("\nRestrictNamespaces=user net\n"), "{UNIT}");
     let families = UNIT.lines().find(|line| line.starts_with("RestrictAddressFamilies=")).expect("families");
     assert!(["AF_UNIX", "AF_NETLINK"].iter().all(|family| families.contains(family)), "{families}");

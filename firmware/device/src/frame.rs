@@ -47,7 +47,8 @@ impl Layout {
         }
     }
 
-    /// Bytes that a row of `width` samples takes at least, 0 for none, `None` if the layout itself is impossible.
+    /// Bytes that a row of `width` samples takes at least, 0 for none, `None` if the layout itself is
+    /// impossible.
     pub const fn row_bytes(self, width: u16) -> Option<usize> {
         let width = width as usize;
         match self {

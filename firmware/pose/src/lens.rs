@@ -48,12 +48,12 @@ impl core::error::Error for LensError {}
 const CONVERGED_STEP: f64 = 1e-12;
 /// Distorting an undistorted point must give the pixel back to this many pixels.
 const ROUND_TRIP_PX: f64 = 5e-10;
-/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not decide, and to
-/// which a pixel is followed that Newton's method alone does not bring back.
+/// Points of the way from the axis at which the polynomial is looked at where the quick bound does not
+/// decide, and to which a pixel is followed that Newton's method alone does not bring back.
 const WAY_POINTS: u32 = 32;
 
-/// What is left of an area at these points at the least: so it does not vanish between two of them, and the inverse
-/// is a lens' and not a rounding's.
+/// What is left of an area at these points at the least: so it does not vanish between two of them, and the
+/// inverse is a lens' and not a rounding's.
 const ROOM: f64 = 0.01;
 
 /// The distorted point and the derivative of the distortion, which is symmetric.
@@ -114,8 +114,8 @@ impl Lens {
 
     /// The ideal normalised point `(X/Z, Y/Z)` that is seen at a pixel.
     ///
-    /// Newton's method, each step shortened until it leads nearer, and where that fails along the way from the
-    /// axis; the answer is distorted again and compared with the pixel before it is given.
+    /// Newton's method, each step shortened until it leads nearer, and where that fails along the way from
+    /// the axis; the answer is distorted again and compared with the pixel before it is given.
     ///
     /// # Errors
     /// The pixel is not finite, or no point in the invertible part is seen there.
@@ -131,8 +131,8 @@ impl Lens {
         ray.filter(|[x, y]| self.is_invertible(*x, *y)).ok_or(LensError::NotInvertible)
     }
 
-    /// The ideal point whose distorted one is `target`, by Newton's method from `start`; `None` where that does not lead
-    /// there.
+    /// The ideal point whose distorted one is `target`, by Newton's method from `start`; `None` where that
+    /// does not lead there.
     fn undistorted(&self, target: [f64; 2], [mut x, mut y]: [f64; 2]) -> Option<[f64; 2]> {
         let off = |here: &Distorted| [target[0] - here.x, target[1] - here.y];
         let square = |[x, y]: [f64; 2]| x * x + y * y;
@@ -169,8 +169,8 @@ impl Lens {
         (error <= tolerance * tolerance).then_some([x, y])
     }
 
-    /// The same from the axis on: near the edge of the invertible part Newton's method starts too far away, or where
-    /// the derivative is nearly singular.
+    /// The same from the axis on: near the edge of the invertible part Newton's method starts too far away,
+    /// or where the derivative is nearly singular.
     #[cold]
     fn undistorted_by_steps(&self, target: [f64; 2]) -> Option<[f64; 2]> {
         (1..=WAY_POINTS).try_fold([0.0; 2], |at, step| {

@@ -97,8 +97,8 @@ impl Acquisition {
         self
     }
 
-    /// Looks at every row in two pictures on end: of lamps that alternate one is dark. A picture that is swept
-    /// whole stands for itself.
+    /// Looks at every row in two pictures on end: of lamps that alternate one is dark. A picture that is
+    /// swept whole stands for itself.
     pub fn twice(mut self) -> Self {
         self.twice = true;
         self

@@ -79,9 +79,10 @@ impl Model {
         0.5 * outer * (1.0 - outer) * apart * apart
     }
 
-    /// By how much blur moves an edge of 1 px radius further inwards at the ends of the ellipse's longer axis than in
-    /// the mean, px. Blur moves what is bent by half its variance along the edge over the radius, and in the circle's
-    /// plane more of it is along the edge there. Between the axes that goes as the cosine of twice the angle.
+    /// By how much blur moves an edge of 1 px radius further inwards at the ends of the ellipse's longer axis
+    /// than in the mean, px. Blur moves what is bent by half its variance along the edge over the radius, and
+    /// in the circle's plane more of it is along the edge there. Between the axes that goes as the cosine of
+    /// twice the angle.
     pub(crate) fn bend(&self) -> f64 {
         let [uu, _, vv] = self.shape;
         let trace = uu + vv;
@@ -154,8 +155,8 @@ pub(crate) struct Kernel {
     per_width: [f32; 3],
     /// The next term of that series: [1] ([0] - 1 / half width)^2.
     per_width_square: [f32; 2],
-    /// How blur bends the edges, as [`Model::bend`]: inwards by [1] (1 / half width - [0]) over the radius. It matters
-    /// where blur joins them.
+    /// How blur bends the edges, as [`Model::bend`]: inwards by [1] (1 / half width - [0]) over the radius.
+    /// It matters where blur joins them.
     bend: [f32; 2],
 }
 

@@ -47,8 +47,8 @@ const ENOUGH: f32 = 4.0;
 /// How far Gauss-Newton goes.
 pub(crate) struct Passes {
     most: usize,
-    /// Steps of the radii and of the half width, shares of the half width, below which a pass is the last: the
-    /// next one's would be of their square.
+    /// Steps of the radii and of the half width, shares of the half width, below which a pass is the last:
+    /// the next one's would be of their square.
     radii: f64,
     width: f64,
 }
@@ -62,8 +62,8 @@ const CLIPPED: Passes = Passes { most: 24, radii: 0.001, width: 0.001 };
 /// Share of an edge's half width from which on dark beyond the white is told from the edge.
 const SEEN: f64 = 0.3;
 
-/// How far before the first ring that is seen to be dark pixels are left out, standard deviations of the blur: what
-/// leaks further in is less than their noise.
+/// How far before the first ring that is seen to be dark pixels are left out, standard deviations of the
+/// blur: what leaks further in is less than their noise.
 const LEAKING: f64 = 0.65;
 
 /// Share of its diagonal that is added to the normal matrix: levels, radii and blur of a small blurred ring

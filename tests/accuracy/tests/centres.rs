@@ -68,8 +68,8 @@ fn what_is_hard_may_come_together() {
         // Of 600 exposures: chance makes 4 %, twice of which is let pass.
         let most_off = MOST_OFF_SQUARED + 0.08;
         assert!(squared < TRUE_SQUARED * (1.0 + most_off), "{diameter_px} px, {blur_px} px: {squared}");
-        // Of a ring that blur joins to one dark spot more is left than noise; it is stated rather too much than
-        // too little.
+        // Of a ring that blur joins to one dark spot more is left than noise; it is stated rather too much
+        // than too little.
         let joined = blur_px > 0.1 * diameter_px;
         assert!(
             joined || squared > TRUE_SQUARED * (1.0 - most_off),

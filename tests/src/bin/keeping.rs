@@ -10,8 +10,8 @@
 //! most of these two on end. `ring` is how long a single ring that was free to see stayed without its place
 //! in a pose. Marked frames are those whose record says that the camera may have moved: their motion is not
 //! compared. Times are processor time, of each frame the least of several plays; `times` and `work` are the
-//! slowest frame over the median one of those that track, in time and in counted work: its prices are those of
-//! pictures of 1920 x 1080; a small one is swept in less time than it says.
+//! slowest frame over the median one of those that track, in time and in counted work: its prices are those
+//! of pictures of 1920 x 1080; a small one is swept in less time than it says.
 //!
 //! With `--pictures` two frames of each scene are written there, with windows, centres and refusals drawn in:
 //! `SCENE.png` is the worst one, by wrong rings, missing pose and error in standard deviations, and

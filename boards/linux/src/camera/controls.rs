@@ -204,7 +204,8 @@ mod tests {
 
     #[test]
     fn a_camera_that_shifts_its_picture_by_itself_is_kept_from_it() {
-        // HUE_AUTO, WIDE_DYNAMIC_RANGE, IMAGE_STABILIZATION and ISO_SENSITIVITY_AUTO of linux/v4l2-controls.h.
+        // HUE_AUTO, WIDE_DYNAMIC_RANGE, IMAGE_STABILIZATION and ISO_SENSITIVITY_AUTO of
+        // linux/v4l2-controls.h.
         let switches = [0x0098_0900 + 25, 0x009a_0900 + 21, 0x009a_0900 + 22, 0x009a_0900 + 24];
         let camera = Fake::with(&switches);
         apply(&camera, &Capture::default(), 0.0).unwrap();

@@ -70,8 +70,8 @@ impl Shutter {
 /// A picture noted longer ago than this was not noted by the monotonic clock, ns: nobody waits so long.
 const OLDEST_NS: u64 = 10_000_000_000;
 
-/// The source that the flags of a V4L2 buffer name, whatever driver set them, where its time can be one of the
-/// monotonic clock (`uvcvideo` says so even where its module was told to take another clock).
+/// The source that the flags of a V4L2 buffer name, whatever driver set them, where its time can be one of
+/// the monotonic clock (`uvcvideo` says so even where its module was told to take another clock).
 ///
 /// `TSTAMP_SRC_SOE` is "when the exposure of the frame has begun", `TSTAMP_SRC_EOF`, no bit at all, "when the
 /// last pixel of the frame has been received" (Linux userspace API, "Buffer Flags").
@@ -92,10 +92,11 @@ pub(crate) fn source(flags: Flags, noted_ns: u64, now_ns: u64) -> TimeSource {
 ///
 /// libcamera (0.4 to 0.7, `control_ids_core.yaml`) documents it as "the time when the first row of the image
 /// sensor active array is exposed", by CLOCK_BOOTTIME, and leaves open which end of the exposure that is. Its
-/// pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the receiver's V4L2 buffer, which
-/// both drivers (`bcm2835-unicam`, `rp1-cfe`) note by CLOCK_MONOTONIC in the interrupt of the frame's start on
-/// the wire, "when the first data byte was captured": the first row has been exposed and begins to be read.
-/// That is what is taken; a time that only the boot clock can have noted is brought to the monotonic one.
+/// pipelines of the Raspberry Pi (`rpi/vc4`, `rpi/pisp`) hand on the time of the receiver's V4L2 buffer,
+/// which both drivers (`bcm2835-unicam`, `rp1-cfe`) note by CLOCK_MONOTONIC in the interrupt of the frame's
+/// start on the wire, "when the first data byte was captured": the first row has been exposed and begins to
+/// be read. That is what is taken; a time that only the boot clock can have noted is brought to the monotonic
+/// one.
 pub fn sensor_time(told: Option<i64>, monotonic_ns: u64, boottime_ns: u64) -> (u64, TimeSource) {
     let told = told.and_then(|ns| u64::try_from(ns).ok());
     match told.and_then(|ns| of_either_clock(ns, monotonic_ns, boottime_ns)) {

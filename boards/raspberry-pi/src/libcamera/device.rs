@@ -230,7 +230,8 @@ impl Source for Libcamera {
             let buffer = MemoryMappedFrameBuffer::new(buffer)
                 .map_err(|error| failed("its pictures cannot be read", &error))?;
             let picture = *buffer.data().first().unwrap_or(&[].as_slice());
-            // Locking does not fetch the pages of such a buffer: each one is touched before the loop needs it.
+            // Locking does not fetch the pages of such a buffer: each one is touched before the loop needs
+            // it.
             picture.iter().step_by(PAGE).for_each(|byte| _ = std::hint::black_box(*byte));
             places.push((picture.as_ptr(), picture.len()));
             let mut request = camera

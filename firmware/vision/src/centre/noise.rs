@@ -1,5 +1,5 @@
-//! The noise of the pixels at a ring's edges: what their squared residuals leave when all that the model knows
-//! to be none of it is taken away.
+//! The noise of the pixels at a ring's edges: what their squared residuals leave when all that the model
+//! knows to be none of it is taken away.
 
 use crate::edge::{FOURTH, SQUARE};
 use crate::model::{EdgeSums, Model};
@@ -8,11 +8,12 @@ use crate::model::{EdgeSums, Model};
 /// what is left of clipped edges is explained by nearly any.
 const LEAST_LEFT: f64 = 0.25;
 
-/// What is left of the pixels' mean square residual, by their weight, without what is no noise, and the variance of
-/// their noise. `step` is the square of what this pass moves the ring by, px in the circle's plane; `overlap` where
-/// blur joins the edges, and the model itself bends them.
+/// What is left of the pixels' mean square residual, by their weight, without what is no noise, and the
+/// variance of their noise. `step` is the square of what this pass moves the ring by, px in the circle's
+/// plane; `overlap` where blur joins the edges, and the model itself bends them.
 ///
-/// Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to black.
+/// Every pixel's own residual counts by how much it moves the centre, so noise may differ from white to
+/// black.
 pub(super) fn noise(model: &Model, [outer, inner]: [&EdgeSums; 2], step: f64, overlap: bool) -> (f64, f64) {
     let radial = &model.radial;
     let (share, per_px) = (radial.outer_share(), radial.peak());
@@ -32,7 +33,8 @@ pub(super) fn noise(model: &Model, [outer, inner]: [&EdgeSums; 2], step: f64, ov
     (residual, residual.max(1.0 / 12.0))
 }
 
-/// Mean square residual by what a tilted ring's blur bends its edges, over that where they are steepest: a sine's.
+/// Mean square residual by what a tilted ring's blur bends its edges, over that where they are steepest: a
+/// sine's.
 fn bent(model: &Model) -> f64 {
     let radial = &model.radial;
     let share = radial.outer_share();

@@ -1,5 +1,5 @@
-//! What the two sides of the profile say: roughly how far its centre is off, and how the light slopes; and the
-//! profile about a better centre.
+//! What the two sides of the profile say: roughly how far its centre is off, and how the light slopes; and
+//! the profile about a better centre.
 
 use core::ops::Range;
 
@@ -26,8 +26,8 @@ pub(crate) struct Lean {
 }
 
 impl Profile {
-    /// What the sides say of centre and slope, for a profile that is known. `around` are the radii of the white
-    /// around the ring, px: nothing beyond it counts, and nothing above a level of saturation.
+    /// What the sides say of centre and slope, for a profile that is known. `around` are the radii of the
+    /// white around the ring, px: nothing beyond it counts, and nothing above a level of saturation.
     pub(crate) fn lean(&self, radial: &Radial, around: &Range<f64>, saturated: f64) -> Lean {
         let kernel = Kernel::new(radial);
         let mut sums = Sides { squares: [Lanes::ZERO; SQUARES], quadrants: [[Lanes::ZERO; 2]; QUADRANTS] };
@@ -61,8 +61,8 @@ impl Profile {
         }
     }
 
-    /// Takes out of the rings' means what they owe to a centre that is off by `step`, px: few rows see more of
-    /// one side than of the other.
+    /// Takes out of the rings' means what they owe to a centre that is off by `step`, px: few rows see more
+    /// of one side than of the other.
     pub(crate) fn centre(&mut self, radial: &Radial, step: [f64; 2]) {
         let kernel = Kernel::new(radial);
         let step = step.map(|step| (SIDE * step) as f32 * kernel.per_px());
@@ -76,8 +76,8 @@ impl Profile {
         }
     }
 
-    /// Squares of the slope, along x and y, that the means of white rings take with them: few rows see more of
-    /// one side than of the other.
+    /// Squares of the slope, along x and y, that the means of white rings take with them: few rows see more
+    /// of one side than of the other.
     fn lopsided(&self, around: &Range<f64>) -> [f64; 2] {
         let mut sums = [0.0; 2];
         let [from, to] = [around.start, around.end].map(|at| (at * f64::from(PER_PX) + 0.5) as usize);
