@@ -5,7 +5,7 @@ use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::{Output, Stdio};
+use std::process::{Child, Output, Stdio};
 
 use assert_cmd::Command;
 use gangway_wire::{Decoded, Decoder, Record};
@@ -89,19 +89,25 @@ fn the_setup_of_the_readme_is_one_that_the_program_takes() {
     assert!(said.contains(&format!("ok    log: every ride is kept in {rides}")), "{said}");
 }
 
+/// The box measuring, and what it says line by line.
+fn started(setup: &str, to: &str) -> (Child, impl Iterator<Item = String> + use<>) {
+    let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin("gangway-pi"))
+        .args(["run", "--setup", setup, "--to", to])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
+    (program, said)
+}
+
 #[test]
 fn a_box_without_a_camera_reads_its_setup_again_and_ends_properly() {
     let place = tempfile::tempdir().unwrap();
     let setup = setup(place.path(), "/dev/no-such-camera");
     let records = place.path().join("box.gw");
-    let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin("gangway-pi"))
-        .args(["run", "--setup", &setup, "--to", &format!("file:{}", records.display())])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let (program, mut said) = started(&setup, &format!("file:{}", records.display()));
     let pid = Pid::from_child(&program);
-    let mut said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
     let mut expect = |text: &str| {
         let line = said.find(|line| line.contains(text));
         assert!(line.is_some(), "it ended without '{text}'");
@@ -129,15 +135,9 @@ fn a_second_signal_does_not_cut_the_end_of_a_session_short() {
     let place = tempfile::tempdir().unwrap();
     let setup = setup(place.path(), "/dev/no-such-camera");
     // Nobody listens there: at the end the box waits for somebody who takes what is left.
-    let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin("gangway-pi"))
-        .args(["run", "--setup", &setup, "--to", "tcp-connect://127.0.0.1:1"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let (program, mut said) = started(&setup, "tcp-connect://127.0.0.1:1");
     let pid = Pid::from_child(&program);
-    let mut said = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
-    assert!(said.by_ref().any(|line| line.contains("there is no camera")));
+    assert!(said.any(|line| line.contains("there is no camera")));
     // Two different ones are never merged into one.
     kill_process(pid, Signal::INT).unwrap();
     kill_process(pid, Signal::TERM).unwrap();
