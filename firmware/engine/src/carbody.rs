@@ -6,7 +6,7 @@ use gangway_pose::{
     Assigned, Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
     VarianceComponent, solve, solve_in_motion,
 };
-use gangway_vision::{Refusal, Ring, Search, Tracker};
+use gangway_vision::{Illumination, Refusal, Ring, Search, Tracker};
 use heapless::Vec;
 use nalgebra::Vector3;
 
@@ -45,6 +45,7 @@ pub(crate) struct Carbody {
     variance: VarianceComponent,
     layout: Layout,
     flash: Flash,
+    light: Illumination,
     /// The last windows, and how many of them were looked into in the last frame.
     searches: Vec<Search, MAX_CIRCLES>,
     looked: u32,
@@ -98,6 +99,7 @@ impl Carbody {
             variance: VarianceComponent::default(),
             layout,
             flash: Flash::default(),
+            light: Illumination::default(),
             searches: Vec::new(),
             looked: 0,
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
@@ -255,7 +257,7 @@ impl Carbody {
         let Some(outcomes) = self.outcomes.get_mut(..count) else { return };
         let is_somewhere = |search: &&Search| search.at.iter().all(|c| c.is_finite());
         self.looked = self.searches.iter().filter(is_somewhere).count() as u32;
-        tracker.track(frame, &self.searches, outcomes);
+        tracker.track(frame, &self.searches, &mut self.light, outcomes);
         match self.flash.judge(&self.searches, outcomes) {
             Lit::Not if means.keeps_dark => tracker.keep_dark(frame, &self.searches),
             Lit::Unknown | Lit::Not | Lit::InPart if self.has_discs() => tracker.forget_dark(),

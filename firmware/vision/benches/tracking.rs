@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use gangway_device::{Frame, Layout};
-use gangway_vision::{Refusal, Search, Settings, Tracker};
+use gangway_vision::{Illumination, Refusal, Search, Settings, Tracker};
 
 const SIZE: usize = 640;
 const RINGS: usize = 16;
@@ -36,20 +36,21 @@ fn tracking(criterion: &mut Criterion) {
         let frame =
             Frame::new(&bytes, (SIZE as u16, SIZE as u16), SIZE, Layout::GREY, 0, 0).expect("a whole frame");
         let mut tracker = Box::new(Tracker::new(Settings::default()));
+        let mut light = Illumination::default();
         let mut rings = [Err(Refusal::NotFound); RINGS];
-        tracker.track(&frame, &searches, &mut rings);
+        tracker.track(&frame, &searches, &mut light, &mut rings);
         assert!(rings.iter().all(Result::is_ok), "every ring is there to be measured: {rings:?}");
 
         let side = (Settings::default().window_diameters * diameter).ceil();
         let pixels = side * side * RINGS as f64;
         group.throughput(Throughput::Elements(pixels as u64));
         group.bench_function(format!("{RINGS} rings of {diameter} px"), |bencher| {
-            bencher.iter(|| tracker.track(black_box(&frame), &searches, &mut rings));
+            bencher.iter(|| tracker.track(black_box(&frame), &searches, &mut light, &mut rings));
         });
         // The median, so that what else the machine does counts little.
         let mut rounds = [(); 501].map(|()| {
             let start = Instant::now();
-            tracker.track(black_box(&frame), &searches, &mut rings);
+            tracker.track(black_box(&frame), &searches, &mut light, &mut rings);
             start.elapsed().as_secs_f64() * 1e9
         });
         rounds.sort_by(f64::total_cmp);

@@ -34,6 +34,7 @@ mod tracker;
 mod window;
 
 pub use acquire::{Acquisition, MAX_SIGHTINGS, Part};
+pub use light::Illumination;
 pub use loader::level;
 pub use refusal::Refusal;
 pub use search::{Ring, Search};

@@ -10,7 +10,7 @@ use crate::candidate::{self, Candidate, Miss};
 use crate::centre::{self, Workspace};
 use crate::components::Components;
 use crate::dark::Dark;
-use crate::light::{self, Light};
+use crate::light::{Illumination, Light};
 use crate::loader::{Plane, Rect};
 use crate::window::Window;
 use crate::{MAX_SIDE, Refusal, Ring, Search, Settings, length};
@@ -64,7 +64,13 @@ impl Tracker {
     ///
     /// A ring that its window cuts or does not show is looked for again, in a window moved to where the cut
     /// piece says and then by as much as the other rings of its target have moved.
-    pub fn track(&mut self, frame: &Frame, searches: &[Search], rings: &mut [Result<Ring, Refusal>]) {
+    pub fn track(
+        &mut self,
+        frame: &Frame,
+        searches: &[Search],
+        light: &mut Illumination,
+        rings: &mut [Result<Ring, Refusal>],
+    ) {
         let mut cuts: [Option<[f64; 2]>; MAX_CIRCLES] = [None; MAX_CIRCLES];
         let count = searches.len().min(rings.len()).min(MAX_CIRCLES);
         let searches = searches.get(..count).unwrap_or_default();
@@ -81,7 +87,7 @@ impl Tracker {
         if !rings.iter().all(Result::is_ok) {
             self.track_again(frame, searches, rings, &cuts, &mut lights);
         }
-        light::share(searches, rings, &lights);
+        light.share(searches, rings, &lights);
     }
 
     /// The second looks of [`Self::track`].
