@@ -103,7 +103,7 @@ impl Own {
         let needed = settings.solver.min_circles;
         let own = own.ok_or(PoseError::TooFew { circles: 0, needed })?;
         let mut relative = relative_pose(&own, solution);
-        at_mid_exposure(&mut relative, &settings.shutter, &self.track, time_ns);
+        at_mid_exposure(&mut relative, &settings.shutter, &mut self.track, time_ns);
         self.track.follow(time_ns, &relative.pose);
         Ok(relative)
     }

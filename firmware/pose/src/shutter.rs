@@ -6,10 +6,11 @@
 use heapless::Vec;
 use nalgebra::{Matrix2, Matrix2x6, Matrix6, SMatrix};
 
+use crate::exposure::at_mid_exposure;
 use crate::geometry::{Pose, skew};
 use crate::lens::Lens;
 use crate::robust::freedom;
-use crate::track::{Rates, Share, Track, divided, moved_by, powers};
+use crate::track::{Rates, Share, Track};
 use crate::{MAX_CIRCLES, Observation, PoseError, Settings, Solution, scatter, solve};
 
 /// Solutions after which it ends in any case. Each leaves some tenth of the error before it where the readout
@@ -58,22 +59,6 @@ pub fn solve_in_motion(
     let mut solution = solve(observations, lens, settings, Some(prior))?;
     at_mid_exposure(&mut solution, shutter, track, time_ns);
     Ok(solution)
-}
-
-/// Brings the mean over the exposure, which is what a picture shows, to its middle: `solution` is of the
-/// frame at `time_ns`, `track` of those before it. As [`solve_in_motion`] does, for a pose that was made of
-/// several.
-pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &Track, time_ns: u64) {
-    // Over an exposure a point is on average a T^2 / 24 from where it is in the middle.
-    if shutter.exposure_s > 0.0
-        && let Some(rates) = track.rates(time_ns, &solution.pose, &solution.covariance)
-    {
-        let smear = rates.second * (-shutter.exposure_s * shutter.exposure_s / 12.0);
-        solution.pose = moved_by(&solution.pose, &smear);
-        if let Some(other) = &mut solution.alternative {
-            other.pose = moved_by(&other.pose, &smear);
-        }
-    }
 }
 
 /// Solves, takes the motion from the pose that comes out, and solves again, until that changes nothing.
@@ -138,7 +123,6 @@ fn uncertain_motion(
 ) -> Option<(Matrix6<f64>, Share)> {
     let mut information = Matrix6::zeros();
     let (mut in_time, mut squared) = ([Matrix6::zeros(); 4], [Matrix6::zeros(); 3]);
-    let [x1, x2, x3] = rates.past;
     for (i, seen) in observations.iter().enumerate() {
         if solution.used >> i & 1 == 0 {
             continue;
@@ -154,13 +138,7 @@ fn uncertain_motion(
         let of_circle = jacobian.transpose() * weight * jacobian;
         information += of_circle;
         let t = (seen.centre.at[1] - shutter.middle_row) * shutter.line_time_s;
-        let [a, b, c, d] = powers(t, shutter.exposure_s);
-        let along = [
-            a,
-            b - x1 * a,
-            c - (x1 + x2) * b + x1 * x2 * a,
-            d - (x1 + x2 + x3) * c + (x1 * x2 + x1 * x3 + x2 * x3) * b - x1 * x2 * x3 * a,
-        ];
+        let along = rates.along(t, shutter.exposure_s);
         for (sum, w) in in_time.iter_mut().zip(along) {
             *sum += of_circle * w;
         }
@@ -168,11 +146,7 @@ fn uncertain_motion(
             *sum += of_circle * (w * w);
         }
     }
-    // Rows: the first to third difference; columns: this pose and the three before it.
-    let [c10, c11] = divided([0.0, x1]);
-    let [c20, c21, c22] = divided([0.0, x1, x2]);
-    let c3 = divided([0.0, x1, x2, x3]);
-    let weights = [[c10, c11, 0.0, 0.0], [c20, c21, c22, 0.0], c3];
+    let weights = rates.weights();
     let by_pose = |k: usize| {
         let mut sum = in_time[0] * weights[0][k];
         for m in 0..2 {
@@ -200,10 +174,7 @@ fn uncertain_motion(
     if track.lags.is_none() {
         // Poses that were taken without this motion are off by about what it does to one.
         let way = at_rest * in_time[0] * rates.first;
-        let each = at_rest * excess + way * way.transpose();
-        for k in 0..3 {
-            track.joint.0.fixed_view_mut::<6, 6>(6 * k, 6 * k).copy_from(&each);
-        }
+        track.joint.take_for_all(&(at_rest * excess + way * way.transpose()));
     }
     let with_past = by_past * track.joint.0;
     let own = inverse * information * inverse.transpose() * excess + with_past * by_past.transpose();
@@ -212,6 +183,15 @@ fn uncertain_motion(
         let by_left_out = at_rest * in_time[m + 1];
         covariance += by_left_out * left_out * by_left_out.transpose();
     }
+    shared(covariance, own, with_past)
+}
+
+/// A covariance and the part of it that later ones hang together with; none where it is no number.
+pub(crate) fn shared(
+    covariance: Matrix6<f64>,
+    own: Matrix6<f64>,
+    with_past: SMatrix<f64, 6, 18>,
+) -> Option<(Matrix6<f64>, Share)> {
     let symmetric = |c: Matrix6<f64>| (c + c.transpose()) * 0.5;
     let is_finite = covariance.iter().chain(with_past.iter()).all(|c| c.is_finite());
     is_finite.then(|| (symmetric(covariance), Share { own: symmetric(own), with_past }))

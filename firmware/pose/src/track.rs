@@ -58,6 +58,15 @@ impl Default for Joint {
     }
 }
 
+impl Joint {
+    /// Takes the covariance for that of each of the three, which have nothing in common.
+    pub(crate) fn take_for_all(&mut self, each: &Matrix6<f64>) {
+        for k in 0..3 {
+            self.0.fixed_view_mut::<6, 6>(6 * k, 6 * k).copy_from(each);
+        }
+    }
+}
+
 /// The part of a pose's covariance that comes from the centres of its own frame and of those before it, and
 /// its covariance with the errors of the last three.
 #[derive(Clone, Copy, Debug)]
@@ -132,7 +141,7 @@ pub(crate) struct Rates {
 }
 
 /// Weights of the divided difference of `N` poses at these times: `1 / prod (x_k - x_j)`.
-pub(crate) fn divided<const N: usize>(times: [f64; N]) -> [f64; N] {
+fn divided<const N: usize>(times: [f64; N]) -> [f64; N] {
     core::array::from_fn(|k| {
         let others = (0..N).filter(|j| *j != k);
         1.0 / others.map(|j| times[k] - times[j]).product::<f64>()
@@ -284,11 +293,38 @@ impl Rates {
         let [a, b, c, _] = powers(seconds, exposure_s);
         moved_by(pose, &(self.first * a + self.second * b + self.third * c))
     }
+
+    /// How far the mean over an exposure about the pose is from it.
+    pub(crate) fn mean_over(&self, exposure_s: f64) -> Vector6<f64> {
+        let [_, square, ..] = powers(0.0, exposure_s);
+        self.second * square
+    }
+
+    /// How much of the first to fourth divided difference is in the motion so many seconds later, on average
+    /// over an exposure: Newton's `t`, `t (t - t_1)` ...
+    pub(crate) fn along(&self, seconds: f64, exposure_s: f64) -> [f64; 4] {
+        let [a, b, c, d] = powers(seconds, exposure_s);
+        let [x1, x2, x3] = self.past;
+        [
+            a,
+            b - x1 * a,
+            c - (x1 + x2) * b + x1 * x2 * a,
+            d - (x1 + x2 + x3) * c + (x1 * x2 + x1 * x3 + x2 * x3) * b - x1 * x2 * x3 * a,
+        ]
+    }
+
+    /// How the first to third difference, one row each, are made of this pose and the three before it.
+    pub(crate) fn weights(&self) -> [[f64; 4]; 3] {
+        let [x1, x2, x3] = self.past;
+        let [c10, c11] = divided([0.0, x1]);
+        let [c20, c21, c22] = divided([0.0, x1, x2]);
+        [[c10, c11, 0.0, 0.0], [c20, c21, c22, 0.0], divided([0.0, x1, x2, x3])]
+    }
 }
 
 /// The seconds and their square, cube and fourth power, on average over an exposure about them: with
 /// `f'' T^2 / 24` (exact up to the cube).
-pub(crate) fn powers(t: f64, exposure_s: f64) -> [f64; 4] {
+fn powers(t: f64, exposure_s: f64) -> [f64; 4] {
     let b = exposure_s * exposure_s / 12.0;
     [t, t * t + b, t * (t * t + 3.0 * b), t * t * (t * t + 6.0 * b)]
 }
