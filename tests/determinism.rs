@@ -1,5 +1,6 @@
 //! The same recording gives the same records, byte for byte, at any rate and in any portions.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::Output;
 
@@ -65,7 +66,7 @@ fn play(folder: &Path, to: &str, more: &[&str]) -> Vec<u8> {
 fn the_same_recording_gives_the_same_bytes_at_any_rate_and_in_any_portions() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = Scene::parse(include_str!("scenes/short.toml"), "short.toml").expect("the scene is right");
-    scene.write(folder.path(), Format::Y4m, |_| {}).expect("the scene is written");
+    scene.write(folder.path(), Format::Y4m, |_| ControlFlow::Continue(())).expect("the scene is written");
 
     let first = play(folder.path(), "first.gw", &[]);
     let records = frame_records(&first, 4096);

@@ -15,9 +15,13 @@ mod simulate;
 use std::fmt;
 use std::io;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 use gangway_bench::link::Program;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 const PROGRAM: Program = Program::new("gangway");
 
@@ -93,6 +97,18 @@ fn main() -> ExitCode {
 /// Lines on standard error.
 pub(crate) fn tell(text: &str) {
     PROGRAM.say(text);
+}
+
+/// A flag that is set when somebody asks for the end. The second time the program ends at once; what is on
+/// disk stays.
+pub(crate) fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+            .context("cannot listen to signals")?;
+    }
+    Ok(stop)
 }
 
 /// Whether the error is a write to a pipe that nobody reads any more.

@@ -2,16 +2,14 @@
 
 use std::io::{self, Write as _};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use gangway_store::{Address, Received, Receiver, StoreError, Until};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::{Usage, tell};
+use crate::{Usage, stop_on_signals, tell};
 
 /// Arguments of `gangway receive`.
 #[derive(clap::Args)]
@@ -48,13 +46,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
             bail!(Usage(format!("{from} is given twice; one --from for every box")));
         }
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        // The second time it ends at once; what is on disk stays.
-        signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-            .context("cannot listen to signals")?;
-    }
+    let stop = stop_on_signals()?;
     let until = Until { duration: args.duration, once: args.once, stay: args.stay };
     let open = |from: &Address| Receiver::open(from, &args.into, until);
     let receivers = args.from.iter().map(open).collect::<Result<Vec<_>, _>>()?;

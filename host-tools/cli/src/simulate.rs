@@ -1,14 +1,16 @@
 //! `gangway simulate`: a scene as frames, exact truth and the setup file for a box that watches it.
 
 use std::io::{self, Write as _};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::bail;
 use gangway_scene::{BUILTIN, Format, Scene, SceneError};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::{Usage, tell};
+use crate::{Usage, stop_on_signals, tell};
 
 /// Arguments of `gangway simulate`.
 #[derive(clap::Args)]
@@ -62,8 +64,12 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
         Frames::Y4m => Format::Y4m,
         Frames::Png => Format::Png,
     };
+    let stop = stop_on_signals()?;
     let bar = progress(&scene);
-    let written = scene.write(&out, format, |done| bar.set_position(done.into()));
+    let written = scene.write(&out, format, |done| {
+        bar.set_position(done.into());
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
     bar.finish_and_clear();
     let written = written?;
     let (width, height) = scene.size();

@@ -1,7 +1,9 @@
 //! `gangway simulate` as a person calls it.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
 
 fn gangway(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_gangway")).arg("simulate").args(args).output().unwrap()
@@ -49,6 +51,32 @@ fn a_full_disk_is_one_sentence_and_leaves_no_file() {
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert_eq!(error.lines().count(), 1, "{error}");
     assert!(error.contains("frames.y4m: cannot be written:"), "{error}");
+    assert_eq!(names(&out), [] as [String; 0]);
+}
+
+#[test]
+fn an_interrupt_is_one_sentence_and_leaves_no_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let child = Command::new(env!("CARGO_BIN_EXE_gangway"))
+        .args(["simulate", "rig", "--frames", "100000", "--out"])
+        .arg(&out)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = || out.exists() && names(&out).iter().any(|name| name.contains("frames.y4m"));
+    for _ in 0..2000 {
+        if begun() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    let process = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(process, rustix::process::Signal::INT).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = error(&output);
+    assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
+    assert!(said.contains("stopped before the last frame"), "{said}");
     assert_eq!(names(&out), [] as [String; 0]);
 }
 

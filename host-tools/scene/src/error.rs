@@ -40,6 +40,12 @@ pub enum SceneError {
         /// What the system said.
         why: io::Error,
     },
+    /// Writing was broken off.
+    #[error("{}: stopped before the last frame; nothing of it was left there", path.display())]
+    Stopped {
+        /// The directory.
+        path: PathBuf,
+    },
     /// An output of an earlier run is in the way.
     #[error("{}: is there already; remove it or choose another directory", path.display())]
     Exists {

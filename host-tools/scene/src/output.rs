@@ -3,6 +3,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -83,15 +84,15 @@ impl Drop for Temporary {
 
 impl Scene {
     /// Writes frames, truth and setup into a directory, which is made if need be. `done` is told after each
-    /// frame how many are complete.
+    /// frame how many are complete, and may break off.
     ///
     /// # Errors
-    /// A file cannot be written; what was begun is taken away again.
+    /// A file cannot be written, or `done` broke off; what was begun is taken away again.
     pub fn write(
         &self,
         into: &Path,
         format: Format,
-        mut done: impl FnMut(u32),
+        mut done: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<Written, SceneError> {
         let failed = |why| SceneError::Write { path: into.to_owned(), why };
         fs::create_dir_all(into).map_err(failed)?;
@@ -110,14 +111,20 @@ impl Scene {
             Format::Y4m => self.write_y4m(&frames.path, &mut done),
             Format::Png => self.write_pngs(&frames.path, &mut done),
         };
-        written.map_err(|source| frames.error(source))?;
+        if written.map_err(|source| frames.error(source))?.is_break() {
+            return Err(SceneError::Stopped { path: into.to_owned() });
+        }
         Ok(Written { truth: truth.keep()?, setup: setup.keep()?, frames: frames.keep()? })
     }
 
-    fn write_y4m(&self, path: &Path, done: &mut impl FnMut(u32)) -> io::Result<()> {
+    fn write_y4m(
+        &self,
+        path: &Path,
+        done: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> io::Result<ControlFlow<()>> {
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(self.y4m_header().as_bytes())?;
-        self.in_order(
+        let written = self.in_order(
             |frame| {
                 let mut samples = Vec::new();
                 self.render(frame, &mut samples);
@@ -126,40 +133,45 @@ impl Scene {
             |frame, samples| {
                 file.write_all(b"FRAME\n")?;
                 file.write_all(&samples)?;
-                done(frame + 1);
-                Ok(())
+                Ok(done(frame + 1))
             },
         )?;
-        file.flush()
+        file.flush()?;
+        Ok(written)
     }
 
-    fn write_pngs(&self, path: &Path, done: &mut impl FnMut(u32)) -> io::Result<()> {
+    fn write_pngs(
+        &self,
+        path: &Path,
+        done: &mut impl FnMut(u32) -> ControlFlow<()>,
+    ) -> io::Result<ControlFlow<()>> {
         fs::create_dir(path)?;
         self.in_order(
             |frame| self.png(frame),
             |frame, bytes| {
                 fs::write(path.join(format!("{frame:06}.png")), bytes)?;
-                done(frame + 1);
-                Ok(())
+                Ok(done(frame + 1))
             },
         )
     }
 
-    /// Makes a few frames at a time on all cores and hands them on in order.
+    /// Makes a few frames at a time on all cores and hands them on in order, until `take` breaks off.
     fn in_order(
         &self,
         make: impl Fn(u32) -> io::Result<Vec<u8>> + Sync,
-        mut take: impl FnMut(u32, Vec<u8>) -> io::Result<()>,
-    ) -> io::Result<()> {
+        mut take: impl FnMut(u32, Vec<u8>) -> io::Result<ControlFlow<()>>,
+    ) -> io::Result<ControlFlow<()>> {
         let at_once = rayon::current_num_threads().clamp(1, FRAMES_AT_ONCE);
         for first in (0..self.frames()).step_by(at_once) {
             let last = self.frames().min(first.saturating_add(at_once as u32));
             let made: Vec<_> = (first..last).into_par_iter().map(&make).collect();
             for (frame, made) in (first..).zip(made) {
-                take(frame, made?)?;
+                if take(frame, made?)?.is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
             }
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// The first line of a Y4M file of this scene.

@@ -1,6 +1,7 @@
 //! Scenes on disk: what is written, and what a scene file may not say.
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use gangway_scene::{BUILTIN, Format, Scene};
@@ -62,7 +63,12 @@ fn a_scene_on_disk_is_frames_truth_and_setup_and_nothing_else() {
     let dir = tempfile::tempdir().unwrap();
     let scene = Scene::parse(&small("seed = 3"), "small.toml").unwrap();
     let mut told = Vec::new();
-    let written = scene.write(&dir.path().join("out"), Format::Y4m, |done| told.push(done)).unwrap();
+    let written = scene
+        .write(&dir.path().join("out"), Format::Y4m, |done| {
+            told.push(done);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
     assert_eq!(names(&dir.path().join("out")), ["frames.y4m", "setup.toml", "truth.csv"]);
     assert_eq!(told, [1, 2, 3]);
     let bytes = fs::read(&written.frames).unwrap();
@@ -89,7 +95,7 @@ fn pictures_hold_the_samples() {
     for (bits, shift) in [(8, 0), (10, 6)] {
         let dir = tempfile::tempdir().unwrap();
         let scene = Scene::parse(&(small("") + &format!("[sensor]\nbits = {bits}\n")), "s.toml").unwrap();
-        let written = scene.write(dir.path(), Format::Png, |_| {}).unwrap();
+        let written = scene.write(dir.path(), Format::Png, |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(names(&written.frames), ["000000.png", "000001.png", "000002.png"]);
         let file = std::io::BufReader::new(fs::File::open(written.frames.join("000002.png")).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
@@ -105,7 +111,8 @@ fn pictures_hold_the_samples() {
             assert!(seen.eq(samples));
         }
         // A second run does not mix its pictures with those of the first.
-        let again = scene.write(dir.path(), Format::Png, |_| {}).unwrap_err().to_string();
+        let again =
+            scene.write(dir.path(), Format::Png, |_| ControlFlow::Continue(())).unwrap_err().to_string();
         assert!(
             again.ends_with("frames: is there already; remove it or choose another directory"),
             "{again}"
@@ -136,14 +143,18 @@ fn what_cannot_be_written_is_one_sentence_and_leaves_nothing() {
     let scene = Scene::parse(&small(""), "small.toml").unwrap();
     // A file where the directory should be.
     fs::write(dir.path().join("file"), "").unwrap();
-    let error = scene.write(&dir.path().join("file"), Format::Y4m, |_| {}).unwrap_err();
+    let error =
+        scene.write(&dir.path().join("file"), Format::Y4m, |_| ControlFlow::Continue(())).unwrap_err();
     // The program prints an error and the sources behind it: the reason would stand there twice.
     assert!(std::error::Error::source(&error).is_none());
     let error = error.to_string();
     assert!(error.contains("file: cannot be written:") && !error.contains('\n'), "{error}");
     // Something in the way of the last rename.
     fs::create_dir_all(dir.path().join("out/frames.y4m")).unwrap();
-    let error = scene.write(&dir.path().join("out"), Format::Y4m, |_| {}).unwrap_err().to_string();
+    let error = scene
+        .write(&dir.path().join("out"), Format::Y4m, |_| ControlFlow::Continue(()))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("is there already"), "{error}");
     assert_eq!(names(&dir.path().join("out")), ["frames.y4m"]);
 }
