@@ -11,6 +11,7 @@ use crate::index::{Entry, Seconds};
 use crate::scan::{Found, Scanner};
 use crate::source::{Got, Source};
 use crate::tally::moment;
+use crate::writer::check_folder;
 use crate::{Address, SessionWriter, StoreError, Tally};
 
 /// Bytes that may wait for the end of their record; more are no record and are written at once.
@@ -53,9 +54,11 @@ impl Receiver {
     /// Opens or binds `from`; folders of sessions are made in `into`.
     ///
     /// # Errors
-    /// An address that is in use, a file that is not there. A box that is not there yet is no error.
+    /// An address that is in use, a file that is not there, a folder that nothing can be written to. A box that
+    /// is not there yet is no error.
     pub fn open(from: &Address, into: &Path, until: Until) -> Result<Self, StoreError> {
         let source = Source::open(from)?;
+        check_folder(into)?;
         Ok(Self { address: from.clone(), into: into.to_owned(), until, source })
     }
 

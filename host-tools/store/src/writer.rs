@@ -36,6 +36,17 @@ pub struct SessionWriter {
     syncer: Syncer,
 }
 
+/// Makes sure that sessions can be made in `into`: what refuses is better told before the ride than when the
+/// box comes.
+///
+/// # Errors
+/// No permission, or not a folder.
+pub(crate) fn check_folder(into: &Path) -> Result<(), StoreError> {
+    fs::create_dir_all(into).map_err(|e| StoreError::io("create", into, e))?;
+    let trial = unique(into, &format!(".trial-{}", std::process::id()), |path| fs::create_dir(path))?;
+    fs::remove_dir(&trial).map_err(|e| StoreError::io("write", into, e))
+}
+
 impl SessionWriter {
     /// Makes a folder of its own in `into` for what comes from `from`, and locks it.
     ///

@@ -38,6 +38,19 @@ fn bytes_are_stored_as_they_came() {
 }
 
 #[test]
+fn a_folder_that_cannot_be_written_is_told_before_the_box_comes() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("notes.txt");
+    std::fs::write(&file, "no folder").unwrap();
+    let from: Address = "udp://127.0.0.1:0".parse().unwrap();
+    let said = Receiver::open(&from, &file.join("rides"), Until::default()).unwrap_err().to_string();
+    assert!(said.contains("cannot create") && said.contains("notes.txt/rides"), "{said}");
+    let into = dir.path().join("rides");
+    Receiver::open(&from, &into, Until::default()).unwrap();
+    assert_eq!(std::fs::read_dir(into).unwrap().count(), 0, "the trial leaves nothing");
+}
+
+#[test]
 fn a_later_version_of_the_wire_is_stored_and_said_but_not_read() {
     let dir = tempfile::tempdir().unwrap();
     let (file, into) = (dir.path().join("ride.gw"), dir.path().join("rides"));
