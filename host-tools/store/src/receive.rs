@@ -16,6 +16,9 @@ use crate::{Address, SessionWriter, StoreError, Tally};
 
 /// Bytes that may wait for the end of their record; more are no record and are written at once.
 const MAX_WAITING: usize = 4096;
+/// A line that has brought so many bytes without a record is worth a word; a box's first record is its second
+/// or third hundred bytes.
+const STRANGE: u64 = 4096;
 /// What a box sends behind its `Ended` is waited for this long.
 const AFTER_END: Duration = Duration::from_millis(500);
 
@@ -83,7 +86,7 @@ impl Receiver {
         let mut buffer = vec![0; 1 << 16];
         let began = Instant::now();
         let mut last_bytes = began;
-        let mut foreign_said = 0;
+        let (mut foreign_said, mut strange_said) = (0, false);
         let why = loop {
             if stop.load(Ordering::Relaxed) {
                 break "stopped";
@@ -109,6 +112,13 @@ impl Receiver {
                         say(&format!(
                             "{}: the box speaks version {version} of the wire, and this program reads version \
                              {WIRE_VERSION} only; all of it is stored for a newer gangway",
+                            self.address
+                        ));
+                    }
+                    if !strange_said && ingest.is_strange() {
+                        strange_said = true;
+                        say(&format!(
+                            "{}: bytes come, but no record among them; does a box send there, and at this speed?",
                             self.address
                         ));
                     }
@@ -170,6 +180,12 @@ impl<'p> Ingest<'p> {
     /// Whether the box said that its session ended.
     fn is_ended(&self) -> bool {
         self.tally.ended
+    }
+
+    /// Whether much has come on this line and no record.
+    fn is_strange(&self) -> bool {
+        let counts = self.scanner.counts();
+        self.sender.is_none() && self.written > STRANGE && counts.records + counts.newer == 0
     }
 
     /// Takes bytes as they came.

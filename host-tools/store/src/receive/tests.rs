@@ -38,6 +38,18 @@ fn bytes_are_stored_as_they_came() {
 }
 
 #[test]
+fn a_line_without_records_is_told_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("noise");
+    std::fs::write(&file, [0x55; 300_000]).unwrap();
+    let from = Address::File(file);
+    let mut said = Vec::new();
+    let receiver = Receiver::open(&from, &dir.path().join("rides"), Until::default()).unwrap();
+    receiver.run(&AtomicBool::new(false), |what| said.push(what.to_owned()), |_| ()).unwrap();
+    assert!(said.len() == 1 && said[0].contains("no record among them"), "{said:?}");
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_is_told_before_the_box_comes() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("notes.txt");
