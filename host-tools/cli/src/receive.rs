@@ -55,24 +55,35 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
             tell(&format!("{from}: listening on {address}"));
         }
     }
+    let several = receivers.len() > 1;
     let results: Vec<_> = thread::scope(|scope| {
-        let start = |receiver: Receiver| scope.spawn(|| receive(receiver, &stop));
+        let start = |receiver: Receiver| {
+            scope.spawn(|| {
+                // The others may go on for hours: what has failed is told now.
+                receive(receiver, &stop).inspect_err(|error| {
+                    if several {
+                        tell(&error.to_string());
+                    }
+                })
+            })
+        };
         let threads: Vec<_> = receivers.into_iter().map(start).collect();
         threads.into_iter().map(|thread| thread.join()).collect()
     });
 
-    let (mut sessions, mut errors) = (0, Vec::new());
+    let (all, mut sessions, mut failed) = (results.len(), Vec::new(), 0);
     for result in results {
         match result {
-            Ok(Ok(received)) => sessions += received.len(),
-            Ok(Err(error)) => errors.push(error.to_string()),
-            Err(_) => errors.push("a receiving thread failed".to_owned()),
+            Ok(Ok(received)) => sessions.extend(received),
+            Ok(Err(error)) if !several => return Err(error.into()),
+            Ok(Err(_)) => failed += 1,
+            Err(_) => bail!("a receiving thread failed"),
         }
     }
-    if !errors.is_empty() {
-        bail!(errors.join("\n"));
+    if failed > 0 {
+        bail!("{failed} of {all} addresses failed; what came from the others is stored");
     }
-    if sessions == 0 {
+    if sessions.is_empty() {
         bail!("nothing was received");
     }
     Ok(())

@@ -187,6 +187,24 @@ fn a_receiver_waits_for_the_box_and_says_so() {
 }
 
 #[test]
+fn an_address_that_fails_is_told_while_another_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut child = start(dir.path(), &["receive", "--from", "udp://127.0.0.1:0", "--from", "file:."]);
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut lines = [const { String::new() }; 2];
+    for line in &mut lines {
+        said.read_line(line).unwrap();
+    }
+    assert!(lines[0].contains("listening on") && lines[1].contains("file:.: Is a directory"), "{lines:?}");
+    let process = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(process, rustix::process::Signal::INT).unwrap();
+    assert_eq!(code(&child.wait_with_output().unwrap()), Some(1));
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert!(rest.contains("1 of 2 addresses failed"), "{rest}");
+}
+
+#[test]
 fn a_serial_line_is_received() {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let dir = tempfile::tempdir().unwrap();
