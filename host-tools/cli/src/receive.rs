@@ -86,6 +86,10 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     if sessions.is_empty() {
         bail!("nothing was received");
     }
+    let empty = |one: &Received| one.tally.wire.records + one.tally.wire.newer == 0;
+    if sessions.iter().all(empty) {
+        bail!("no record was received; does a box send there, and at this speed?");
+    }
     Ok(())
 }
 

@@ -324,6 +324,7 @@ fn wrong_use_and_failure_have_their_codes_and_one_sentence() {
         (&["receive", "--from", "-", "--for", "never"], 2, "number of seconds"),
         (&["receive", "--from", "-"], 1, "nothing was received"),
         (&["receive", "--from", "file:none.gw"], 1, "cannot open none.gw"),
+        (&["receive", "--from", "file:rubbish"], 1, "no record was received"),
         (&["receive", "--from", &taken], 1, "cannot listen there"),
         (&["decode", "rubbish"], 1, "no record in 5000 bytes"),
         (&["decode", "none.gw"], 1, "cannot open none.gw"),
