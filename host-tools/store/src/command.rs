@@ -117,7 +117,7 @@ pub fn send(to: &Address, command: &Command, wait: Duration) -> Result<Answer, S
             }
         }
     }
-    Err(error(format!("the box did not answer within {:.0} s", wait.as_secs_f64())))
+    Err(error(format!("the box did not answer within {} s", wait.as_secs_f64())))
 }
 
 fn open(to: &Address) -> Result<Box<dyn Line>, StoreError> {
