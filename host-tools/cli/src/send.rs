@@ -4,7 +4,7 @@ use std::io::{self, Write as _};
 use std::time::Duration;
 
 use clap::Subcommand;
-use gangway_store::{Address, Answer, Command, send};
+use gangway_store::{Address, Answer, Command, MAX_MARK, send};
 
 use crate::receive::seconds;
 
@@ -12,7 +12,7 @@ use crate::receive::seconds;
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The box: tcp://HOST:PORT or serial:DEVICE@BAUD.
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", value_parser = of_a_box)]
     to: Address,
     /// Longest wait for the answer, seconds.
     #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = seconds, global = true)]
@@ -28,10 +28,28 @@ enum What {
     /// Put a mark into the records.
     Mark {
         /// Its text, at most 64 bytes.
+        #[arg(value_parser = mark)]
         text: String,
     },
     /// Ask for the box's clock.
     Ping,
+}
+
+/// An address that takes commands.
+fn of_a_box(text: &str) -> Result<Address, String> {
+    match text.parse() {
+        Ok(to @ (Address::Tcp(_) | Address::Serial { .. })) => Ok(to),
+        Err(error) if text.starts_with("tcp://") || text.starts_with("serial:") => Err(error.to_string()),
+        // The address's own complaint would name those that only bring records.
+        _ => Err("commands go to tcp://HOST:PORT or serial:DEVICE@BAUD".to_owned()),
+    }
+}
+
+fn mark(text: &str) -> Result<String, String> {
+    if text.len() > MAX_MARK {
+        return Err(format!("a mark has at most {MAX_MARK} bytes, this one has {}", text.len()));
+    }
+    Ok(text.to_owned())
 }
 
 /// Runs `gangway send`.

@@ -330,7 +330,10 @@ fn wrong_use_and_failure_have_their_codes_and_one_sentence() {
         (&["decode", "none.gw"], 1, "cannot open none.gw"),
         (&["export", "rubbish", "--out", "-"], 1, "holds no record"),
         (&["export", ".", "--out", "-"], 1, "holds no stream.gw"),
-        (&["send", "--to", "udp://127.0.0.1:1", "ping"], 1, "commands go to"),
+        (&["send", "--to", "udp://127.0.0.1:1", "ping"], 2, "commands go to"),
+        (&["send", "--to", "the box", "ping"], 2, "commands go to"),
+        (&["send", "--to", "tcp://127.0.0.1", "ping"], 2, "needs a host and a port"),
+        (&["send", "--to", "tcp://127.0.0.1:1", "mark", &"x".repeat(65)], 2, "at most 64 bytes"),
     ] {
         let output = run(dir.path(), args);
         let said = stderr(&output);
@@ -377,7 +380,7 @@ fn a_ping_is_printed_with_both_clocks_and_a_silent_box_is_said() {
     // The wait may stand on either side of the command.
     let output = run(dir.path(), &["send", "--to", &to, "set-rest", "--wait", "0.2"]);
     assert_eq!((code(&output), stderr(&output).lines().count()), (Some(1), 1));
-    assert!(stderr(&output).contains("did not answer"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("did not answer within 0.2 s"), "{}", stderr(&output));
 }
 
 #[test]

@@ -32,6 +32,8 @@ pub use address::{Address, DEFAULT_BAUD};
 pub use command::{Answer, Command, send};
 pub use error::StoreError;
 pub use export::{Format, Rows};
+/// Most bytes of a mark.
+pub use gangway_wire::MAX_MARK;
 pub use index::Entry;
 pub use meta::{End, Meta, Sender};
 pub use receive::{Received, Receiver, Until};
