@@ -88,7 +88,10 @@ fn main() -> ExitCode {
         // Whoever read our output has seen enough (`gangway ... | head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            tell(&format!("{error:#}"));
+            // A file's own errors name it: what comes bare is from standard output.
+            let is_bare = error.chain().next().is_some_and(|first| first.is::<io::Error>());
+            let whose = if is_bare { "standard output cannot be written: " } else { "" };
+            tell(&format!("{whose}{error:#}"));
             if error.is::<Usage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

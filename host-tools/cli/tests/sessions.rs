@@ -313,6 +313,19 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
 }
 
 #[test]
+fn a_full_disk_behind_standard_output_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("ride.gw"), ride(1, 20, true)).unwrap();
+    for args in [&["decode", "ride.gw"][..], &["export", "ride.gw", "--out", "-"]] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = gangway(dir.path(), args).stdout(full).output().unwrap();
+        let said = stderr(&output);
+        assert_eq!((code(&output), said.lines().count()), (Some(1), 1), "{said}");
+        assert!(said.contains("standard output cannot be written: No space left"), "{said}");
+    }
+}
+
+#[test]
 fn wrong_use_and_failure_have_their_codes_and_one_sentence() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("rubbish"), [7; 5000]).unwrap();
