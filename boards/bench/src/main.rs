@@ -47,10 +47,16 @@ struct Args {
     #[arg(long, value_name = "FILE")]
     times: Option<PathBuf>,
     /// Play the recording so many times, with numbers and times running on.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long, value_name = "N", default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true
+    )]
     repeat: u32,
     /// Play so many frames at most.
-    #[arg(long, value_name = "N")]
+    #[arg(
+        long, value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..), allow_negative_numbers = true
+    )]
     limit: Option<u64>,
     /// Serial number of the box. Sessions show this and the next two in hexadecimal digits; so written, they
     /// begin with 0x.
@@ -63,7 +69,7 @@ struct Args {
     #[arg(long, value_name = "N", value_parser = id)]
     session_id: Option<u64>,
     /// Give up when nobody took anything for so long [default: wait for ever].
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     wait: Option<Duration>,
     /// Faults, as NAME:RATE,... with rates from 0 to 1. Of the camera, a share of the frames: drop (never
     /// delivered), repeat (delivered twice), torn (reported as corrupt), dark (black), late (after a stall).

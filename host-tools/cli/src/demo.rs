@@ -31,7 +31,10 @@ pub(crate) struct Args {
     #[arg(default_value = "ride")]
     scene: String,
     /// Frames to simulate [default: as many as the scene says].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(20..))]
+    #[arg(
+        long, value_name = "N",
+        value_parser = clap::value_parser!(u32).range(20..), allow_negative_numbers = true
+    )]
     frames: Option<u32>,
     /// Folder for everything that comes of it.
     #[arg(long, default_value = "demo", value_name = "DIR")]

@@ -36,7 +36,10 @@ pub(crate) struct Args {
     out: PathBuf,
     /// Number of simulations, each with its own noise, targets and calibration; the tables are medians over
     /// them.
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(
+        long, default_value_t = 1, value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..=1000), allow_negative_numbers = true
+    )]
     seeds: u64,
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "rides", value_name = "DIR")]
     into: PathBuf,
     /// End after this many seconds.
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<Duration>,
     /// End when the other side closes, instead of waiting for it to come back.
     #[arg(long)]

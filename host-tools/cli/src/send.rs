@@ -15,7 +15,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ADDRESS", value_parser = of_a_box)]
     to: Address,
     /// Longest wait for the answer, seconds.
-    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = seconds, global = true)]
+    #[arg(
+        long, value_name = "SECONDS", default_value = "5",
+        value_parser = seconds, allow_negative_numbers = true, global = true
+    )]
     wait: Duration,
     #[command(subcommand)]
     command: What,

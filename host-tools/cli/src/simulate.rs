@@ -21,7 +21,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", required_unless_present = "print")]
     out: Option<PathBuf>,
     /// Number of frames, instead of the scene's own.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(
+        long, value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_negative_numbers = true
+    )]
     frames: Option<u32>,
     /// Seed of background and noise, instead of the scene's own.
     #[arg(long, value_name = "N")]

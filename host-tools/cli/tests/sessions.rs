@@ -335,6 +335,7 @@ fn wrong_use_and_failure_have_their_codes_and_one_sentence() {
         (&["receive", "--from", "127.0.0.1:7007"][..], 2, "allowed are tcp://"),
         (&["receive", "--from", "-", "--from", "-"], 2, "given twice"),
         (&["receive", "--from", "-", "--for", "never"], 2, "number of seconds"),
+        (&["receive", "--from", "-", "--for", "-1"], 2, "number of seconds"),
         (&["receive", "--from", "-"], 1, "nothing was received"),
         (&["receive", "--from", "file:none.gw"], 1, "cannot open none.gw"),
         (&["receive", "--from", "file:rubbish"], 1, "no record was received"),

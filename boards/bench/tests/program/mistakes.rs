@@ -30,7 +30,9 @@ fn a_wrong_command_line_is_a_usage_error() {
         (&["--frames", "ride.y4m", "--to", "tcp://a:99999"], "'99999' is no port"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--fault", "blur:1"], "'blur' is no fault"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--wait", "soon"], "number of seconds"),
+        (&["--frames", "ride.y4m", "--to", "file:a", "--wait", "-1"], "number of seconds"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--repeat", "0"], "--repeat"),
+        (&["--frames", "ride.y4m", "--to", "file:a", "--limit", "0"], "--limit"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--box-id", "9a"], "hexadecimal digits"),
         (&["--frames", "ride.y4m", "--to", "file:a", "--measure"], "--measure"),
     ] {
