@@ -35,6 +35,6 @@ pub use lamp::FakeLamp;
 pub use loop_times::LoopTimes;
 pub use measure::{Measured, measure};
 pub use recording::{Pace, Recording, Timing};
-pub use run::{BenchError, Failure, Play, Summary, run};
+pub use run::{BenchError, Failure, Play, Summary, check, run};
 pub use source::{FrameSource, Shape, SourceError};
 pub use times::{Times, TimesError};

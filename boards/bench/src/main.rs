@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Parser;
-use gangway_bench::{Failure, Faults, Pace, Play, Times, measure, run, source};
+use gangway_bench::{Failure, Faults, Pace, Play, Times, check, measure, run, source};
 use gangway_engine::{Identity, Settings};
 use gangway_link::{Address, Line, Program};
 use gangway_setup::Setup;
@@ -129,6 +129,8 @@ fn play(args: &Args) -> anyhow::Result<()> {
         ..Play::new(identity)
     };
     let Some(address) = &args.to else { return Ok(()) };
+    // A capture is not begun, nor a receiver greeted, for frames that cannot be measured.
+    check(&settings, frames.shape(), identity)?;
     let line = if args.append { address.open() } else { address.open_new() }?;
     send(&settings, frames, line, &play)
 }

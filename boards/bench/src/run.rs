@@ -205,6 +205,14 @@ pub(crate) fn prepare(
     engine.map_err(|error| BenchError::Seeds { why: error.to_string() })
 }
 
+/// Says what [`run`] would refuse at once, before a line is opened for it.
+///
+/// # Errors
+/// Frames of another size than the setup's, seeds without a pose.
+pub fn check(settings: &Settings, shape: Shape, identity: Identity) -> Result<(), BenchError> {
+    prepare(settings, shape, identity).map(|_| ())
+}
+
 /// A camera whose frames set the clock.
 pub(crate) struct Stamped<'c, C> {
     pub(crate) camera: C,

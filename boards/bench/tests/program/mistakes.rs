@@ -51,6 +51,7 @@ fn frames_of_another_size_than_the_setups_are_refused() {
         "gangway-bench: the frames are 2 x 1, but the setup says 160 x 120; give the setup of the camera that \
          took them\n"
     );
+    assert!(!ride.path("a.gw").exists(), "what cannot be measured leaves no capture");
 }
 
 #[test]
