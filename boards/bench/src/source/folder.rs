@@ -66,8 +66,39 @@ impl FrameSource for Folder {
     }
 
     fn remark(&self) -> Option<String> {
-        self.is_colour.then(|| format!("the pictures of {} are in colour; their luma is used", self.name))
+        let colour = self
+            .is_colour
+            .then(|| format!("the pictures of {} are in colour; their luma is used", self.name));
+        let gap = gap(&self.files).map(|(before, behind)| {
+            format!(
+                "numbers are missing in {}, as between {before} and {behind}; frames are counted on all the \
+                 same: give their own numbers and times with --times",
+                self.name
+            )
+        });
+        let remarks: Vec<_> = colour.into_iter().chain(gap).collect();
+        (!remarks.is_empty()).then(|| remarks.join("\n"))
     }
+}
+
+/// Names of the first two files between whose numbers others are missing. Names that rise by more than one
+/// everywhere hold times or the like, not frame numbers.
+fn gap(files: &[PathBuf]) -> Option<(String, String)> {
+    let numbers: Option<Vec<u64>> = files.iter().map(|file| number(file)).collect();
+    let numbers = numbers?;
+    let steps = || numbers.windows(2).map(|pair| pair[1].checked_sub(pair[0]));
+    let counts = steps().all(|step| step.is_some_and(|step| step > 0)) && steps().any(|step| step == Some(1));
+    let at = steps().position(|step| step > Some(1)).filter(|_| counts)?;
+    let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Some((name(&files[at]), name(&files[at + 1])))
+}
+
+/// The last number in a file's name.
+fn number(file: &Path) -> Option<u64> {
+    let stem = file.file_stem()?.to_str()?;
+    let stem = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let before = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    stem[before.len()..].parse().ok()
 }
 
 fn read(file: &Path, into: &mut Vec<u8>) -> Result<(Shape, bool), SourceError> {
@@ -141,6 +172,19 @@ mod tests {
             assert!(!source.read(&mut picture).unwrap());
             source.rewind().unwrap();
         }
+    }
+
+    #[test]
+    fn missing_numbers_are_told() {
+        let told = |names: &[&str]| gap(&names.iter().map(PathBuf::from).collect::<Vec<_>>());
+        let names = |a: &str, b: &str| Some((a.to_owned(), b.to_owned()));
+        assert_eq!(told(&["d/f8.png", "d/f9.png", "d/f11.png", "d/f14.png"]), names("f9.png", "f11.png"));
+        assert_eq!(told(&["a2_007c.pgm", "a2_008c.pgm", "a2_010c.pgm"]), names("a2_008c.pgm", "a2_010c.pgm"));
+        for whole in [&["f8.png", "f9.png", "f10.png"][..], &["at20.png", "at40.png"], &["a.png", "b.png"]] {
+            assert_eq!(told(whole), None);
+        }
+        assert_eq!(told(&["a1.png", "a2.png", "b1.png"]), None, "two series");
+        assert_eq!(told(&["é1é.png", "é2é.png", "é4é.png"]), names("é2é.png", "é4é.png"));
     }
 
     #[test]
