@@ -76,6 +76,9 @@ fn json_has_standard_output_for_itself() {
 fn without_a_truth_there_are_motions_only() {
     let folder = tempfile::tempdir().unwrap();
     ride(folder.path());
+    // What an earlier evaluation left does not stand beside them.
+    evaluate(folder.path(), &["ride.gw", "--truth", "truth.csv", "--out", "report"]);
+    assert!(folder.path().join("report/deviations.png").exists());
     let output = evaluate(folder.path(), &["ride.gw", "--out", "report"]);
     assert!(text(&output.stdout).starts_with("Motions of ride.gw, without a reference"));
     assert!(folder.path().join("report/motions.png").is_file());

@@ -1,6 +1,7 @@
 //! Files of the report. Each is written under a temporary name, then renamed: no half-written file is ever
 //! seen.
 
+use std::io::ErrorKind;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,8 @@ use crate::{Evaluation, ReportError, plots};
 
 impl Evaluation {
     /// Writes `evaluation.txt`, `evaluation.json`, `motions.svg` and `.png` and, where there is a reference,
-    /// `deviations.svg` and `.png` into a folder, which is made if need be. Gives back their paths.
+    /// `deviations.svg` and `.png` into a folder, which is made if need be; without one, those of an earlier
+    /// evaluation are taken away. Gives back the paths of what was written.
     ///
     /// # Errors
     ///
@@ -26,9 +28,19 @@ impl Evaluation {
         let motions = plots::motions(self);
         write("motions.svg", motions.svg().as_bytes())?;
         write("motions.png", &motions.png()?)?;
-        if let Some(deviations) = plots::deviations(self) {
-            write("deviations.svg", deviations.svg().as_bytes())?;
-            write("deviations.png", &deviations.png()?)?;
+        match plots::deviations(self) {
+            Some(deviations) => {
+                write("deviations.svg", deviations.svg().as_bytes())?;
+                write("deviations.png", &deviations.png()?)?;
+            }
+            // Beside these motions they would be taken for this evaluation's.
+            None => ["deviations.svg", "deviations.png"].into_iter().try_for_each(|name| {
+                let path = folder.join(name);
+                match std::fs::remove_file(&path) {
+                    Err(why) if why.kind() != ErrorKind::NotFound => Err(ReportError::Write { path, why }),
+                    _ => Ok(()),
+                }
+            })?,
         }
         Ok(written)
     }
