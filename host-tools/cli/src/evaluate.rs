@@ -24,7 +24,8 @@ pub(crate) struct Args {
     /// Print JSON instead of the table.
     #[arg(long)]
     json: bool,
-    /// Folder for table and pictures [default: `evaluation` in the session's folder].
+    /// Folder for table and pictures [default: `evaluation` in the session's folder, NAME.evaluation beside
+    /// a capture NAME.gw].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
