@@ -95,6 +95,18 @@ pub enum SourceError {
         /// The last line that it wrote.
         line: String,
     },
+    /// `ffmpeg` came to the end, but not unharmed.
+    #[error(
+        "{name} is damaged or cut off, as ffmpeg says ({line}); of the {frames} frames that it gave some may be wrong, and others missing"
+    )]
+    Damaged {
+        /// The video.
+        name: String,
+        /// The last line that it wrote.
+        line: String,
+        /// Frames that it gave.
+        frames: u64,
+    },
     /// The source can be read once only.
     #[error("{name} can be read once only; to repeat it, give a file")]
     Once {

@@ -42,11 +42,14 @@ impl FrameSource for Ffmpeg {
             return read;
         }
         // The end, or cut off: the process says whether it was meant.
-        let name = self.path.display().to_string();
+        let (name, frames) = (self.path.display().to_string(), self.decoding.y4m.frames());
         match self.decoding.running.end() {
-            Some(line) => Err(SourceError::Ffmpeg { name, line }),
-            None if self.decoding.y4m.frames() == 0 => Err(SourceError::Empty { name }),
-            None => read,
+            End::Failed(line) => Err(SourceError::Ffmpeg { name, line }),
+            _ if frames == 0 => Err(SourceError::Empty { name }),
+            End::Complained(line) if matches!(read, Ok(false)) => {
+                Err(SourceError::Damaged { name, line, frames })
+            }
+            _ => read,
         }
     }
 
@@ -76,7 +79,12 @@ impl Decoding {
             let Some(pixels) = running.child.stdout.take() else { continue };
             match Y4m::stream(&name, Box::new(pixels)) {
                 Ok(y4m) => return Ok(Self { y4m, running }),
-                Err(error) => last = running.end().unwrap_or_else(|| error.to_string()),
+                Err(error) => {
+                    last = match running.end() {
+                        End::Failed(line) | End::Complained(line) => line,
+                        End::Good => error.to_string(),
+                    }
+                }
             }
             if !last.contains("fps_mode") {
                 break;
@@ -103,17 +111,27 @@ impl Running {
         Ok(Self { child, complaint: Some(complaint) })
     }
 
-    /// Waits for the end; what went wrong, if anything did.
-    fn end(&mut self) -> Option<String> {
+    /// Waits for the end.
+    fn end(&mut self) -> End {
         let status = self.child.wait();
         let complaint = self.complaint.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         match status {
-            Ok(status) if status.success() => None,
-            Ok(status) if complaint.is_empty() => Some(format!("it ended with {status}")),
-            Ok(_) => Some(complaint),
-            Err(error) => Some(error.to_string()),
+            // A damaged video is patched up, and all but its complaints looks well.
+            Ok(status) if status.success() && complaint.is_empty() => End::Good,
+            Ok(status) if status.success() => End::Complained(complaint),
+            Ok(status) if complaint.is_empty() => End::Failed(format!("it ended with {status}")),
+            Ok(_) => End::Failed(complaint),
+            Err(error) => End::Failed(error.to_string()),
         }
     }
+}
+
+/// How the process ended.
+enum End {
+    Good,
+    /// At the end of the video, with something to say of it.
+    Complained(String),
+    Failed(String),
 }
 
 impl Drop for Running {
@@ -255,6 +273,22 @@ mod tests {
         let silent = program(place.path(), "echo 'ride.mp4: Invalid data found' >&2; exit 1");
         let said = Ffmpeg::open(Path::new("ride.mp4"), &silent).err().unwrap().to_string();
         assert_eq!(said, "ffmpeg cannot read ride.mp4: Invalid data found");
+    }
+
+    #[test]
+    fn a_damaged_video_is_told_behind_its_frames() {
+        let (_alone, place) = (alone(), tempfile::tempdir().unwrap());
+        let script = format!(
+            "{PROBE}\nprintf 'YUV4MPEG2 W2 H1 F50:1 Cmono\\nFRAME\\nab'; echo 'stream 0: partial file' >&2"
+        );
+        let mut source = Ffmpeg::open(Path::new("ride.mp4"), &program(place.path(), &script)).unwrap();
+        let mut picture = Vec::new();
+        assert!(source.read(&mut picture).unwrap());
+        assert_eq!(
+            source.read(&mut picture).unwrap_err().to_string(),
+            "ride.mp4 is damaged or cut off, as ffmpeg says (stream 0: partial file); of the 1 frames that it gave \
+             some may be wrong, and others missing"
+        );
     }
 
     #[test]
