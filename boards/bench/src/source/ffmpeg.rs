@@ -1,5 +1,6 @@
 //! Any video through an installed `ffmpeg`, which decodes it to grey Y4M on a pipe.
 
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -72,7 +73,7 @@ impl Decoding {
         let mut last = String::new();
         for mode in passthrough {
             let mut command = Command::new(program);
-            command.args(["-hide_banner", "-nostdin", "-loglevel", "error", "-i"]).arg(path);
+            command.args(["-hide_banner", "-nostdin", "-loglevel", "error", "-i"]).arg(local(path));
             command.args(["-map", "0:v:0"]).args(mode).args(["-pix_fmt", pixels]);
             command.args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
             let mut running = Running::start(&mut command, &name, program)?;
@@ -148,11 +149,18 @@ fn last_line(errors: impl Read) -> String {
     String::from_utf8_lossy(&last).trim().to_owned()
 }
 
+/// A file whatever its name: in `12:30.mp4` ffmpeg would see a protocol.
+fn local(path: &Path) -> OsString {
+    let mut name = OsString::from("file:");
+    name.push(path);
+    name
+}
+
 /// The grey format that keeps the depth of the video.
 fn pixel_format(path: &Path, program: &str) -> Result<&'static str, SourceError> {
     let name = path.display().to_string();
     let mut command = Command::new(program);
-    command.args(["-hide_banner", "-nostdin", "-i"]).arg(path);
+    command.args(["-hide_banner", "-nostdin", "-i"]).arg(local(path));
     // Without an output it says what the file is and ends with an error.
     let said = command
         .stdin(Stdio::null())
@@ -167,7 +175,8 @@ fn pixel_format(path: &Path, program: &str) -> Result<&'static str, SourceError>
         None => {
             // It often begins with the name, which is said already.
             let line = last_line(said.as_bytes());
-            let line = line.strip_prefix(&format!("{name}: ")).unwrap_or(&line).to_owned();
+            let line = line.strip_prefix("file:").unwrap_or(&line);
+            let line = line.strip_prefix(&format!("{name}: ")).unwrap_or(line).to_owned();
             Err(SourceError::Ffmpeg { name, line })
         }
     }
@@ -270,9 +279,13 @@ mod tests {
         let said = source.read(&mut picture).unwrap_err().to_string();
         assert_eq!(said, "ffmpeg cannot read ride.mp4: moov atom not found");
 
-        let silent = program(place.path(), "echo 'ride.mp4: Invalid data found' >&2; exit 1");
-        let said = Ffmpeg::open(Path::new("ride.mp4"), &silent).err().unwrap().to_string();
-        assert_eq!(said, "ffmpeg cannot read ride.mp4: Invalid data found");
+        let silent = program(place.path(), "echo \"$4: Invalid data found\" >&2; exit 1");
+        let said = Ffmpeg::open(Path::new("12:30.mp4"), &silent).err().unwrap().to_string();
+        assert_eq!(said, "ffmpeg cannot read 12:30.mp4: Invalid data found");
+        // What it is asked for is a file, not a protocol of that name.
+        let echo = program(place.path(), "echo \"asked for $4\" >&2; exit 1");
+        let said = Ffmpeg::open(Path::new("12:30.mp4"), &echo).err().unwrap().to_string();
+        assert_eq!(said, "ffmpeg cannot read 12:30.mp4: asked for file:12:30.mp4");
     }
 
     #[test]
