@@ -51,8 +51,9 @@ impl Program {
     pub fn say(&self, text: &str) {
         let mut stderr = io::stderr().lock();
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
-            // Nobody is left to be told when standard error itself is gone.
-            let _ = writeln!(stderr, "{}: {line}", self.name);
+            // In one piece, for other programs may write there too. Nobody is left to be told when standard
+            // error itself is gone.
+            let _ = stderr.write_all(format!("{}: {line}\n", self.name).as_bytes());
         }
     }
 
