@@ -344,6 +344,7 @@ fn wrong_use_and_failure_have_their_codes_and_one_sentence() {
         (&["decode", "none.gw"], 1, "cannot open none.gw"),
         (&["export", "rubbish", "--out", "-"], 1, "holds no record"),
         (&["export", ".", "--out", "-"], 1, "holds no stream.gw"),
+        (&["export", "/dev/null", "--out", "-"], 1, "is no file and no folder"),
         (&["send", "--to", "udp://127.0.0.1:1", "ping"], 2, "commands go to"),
         (&["send", "--to", "the box", "ping"], 2, "commands go to"),
         (&["send", "--to", "tcp://127.0.0.1", "ping"], 2, "needs a host and a port"),

@@ -113,6 +113,11 @@ impl Session {
         let path = path.as_ref();
         let about = fs::metadata(path).map_err(|e| StoreError::io("open", path, e))?;
         let is_folder = about.is_dir();
+        // A session is read more than once, which a pipe cannot give.
+        if !is_folder && !about.is_file() {
+            let why = "is no file and no folder; store it with `gangway receive --from -` first".to_owned();
+            return Err(StoreError::NoSession { path: path.to_owned(), why });
+        }
         let stream = if is_folder { path.join(STREAM) } else { path.to_owned() };
         let file = File::open(&stream).map_err(|error| match error.kind() {
             io::ErrorKind::NotFound => StoreError::NoSession {
