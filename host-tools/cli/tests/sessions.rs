@@ -187,6 +187,22 @@ fn a_receiver_waits_for_the_box_and_says_so() {
 }
 
 #[test]
+fn a_disk_that_is_full_from_the_start_leaves_no_session() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("ride.gw"), ride(1, 20, true)).unwrap();
+    // No file may grow at all.
+    let output = Command::new("sh")
+        .current_dir(dir.path())
+        .args(["-c", "ulimit -f 0; trap '' XFSZ; exec \"$0\" receive --from file:ride.gw"])
+        .arg(env!("CARGO_BIN_EXE_gangway"))
+        .output()
+        .unwrap();
+    assert_eq!(code(&output), Some(1));
+    assert!(stderr(&output).contains("the disk is full"), "{}", stderr(&output));
+    assert_eq!(fs::read_dir(dir.path().join("rides")).unwrap().count(), 0);
+}
+
+#[test]
 fn an_address_that_fails_is_told_while_another_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let mut child = start(dir.path(), &["receive", "--from", "udp://127.0.0.1:0", "--from", "file:."]);

@@ -56,6 +56,19 @@ impl SessionWriter {
         fs::create_dir_all(into).map_err(|e| StoreError::io("create", into, e))?;
         let started_ns = utc::now_ns();
         let folder = unique(into, &name(started_ns, hello), |path| fs::create_dir(path))?;
+        Self::begin(into, &folder, from, started_ns, hello).inspect_err(|_| {
+            // Nothing was received into it: a folder of empty files would only pass for a session.
+            let _ = fs::remove_dir_all(&folder);
+        })
+    }
+
+    fn begin(
+        into: &Path,
+        folder: &Path,
+        from: &str,
+        started_ns: u64,
+        hello: Option<&Hello<'_>>,
+    ) -> Result<Self, StoreError> {
         let open = |name: &str| {
             let path = folder.join(name);
             let file = OpenOptions::new().append(true).create_new(true).open(&path);
@@ -74,10 +87,10 @@ impl SessionWriter {
             sender: hello.map(Sender::new),
             end: None,
         };
-        meta.write(&folder)?;
+        meta.write(folder)?;
         sync_folder(Some(into)).map_err(|e| StoreError::io("write", into, e))?;
-        let syncer = Syncer::start(&stream, &index).map_err(|e| StoreError::io("write", &folder, e))?;
-        let into = into.to_owned();
+        let syncer = Syncer::start(&stream, &index).map_err(|e| StoreError::io("write", folder, e))?;
+        let (into, folder) = (into.to_owned(), folder.to_owned());
         Ok(Self { into, folder, stream, index, entries: 0, bytes: 0, started_ns, meta, syncer })
     }
 
