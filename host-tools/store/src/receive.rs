@@ -57,8 +57,8 @@ impl Receiver {
     /// Opens or binds `from`; folders of sessions are made in `into`.
     ///
     /// # Errors
-    /// An address that is in use, a file that is not there, a folder that nothing can be written to. A box that
-    /// is not there yet is no error.
+    /// An address that is in use, a file that is not there, a folder that nothing can be written to. A box
+    /// that is not there yet is no error.
     pub fn open(from: &Address, into: &Path, until: Until) -> Result<Self, StoreError> {
         let source = Source::open(from)?;
         check_folder(into)?;
