@@ -88,7 +88,9 @@ pub(crate) fn run(args: Args) -> anyhow::Result<()> {
     }
     let empty = |one: &Received| one.tally.wire.records + one.tally.wire.newer == 0;
     if sessions.iter().all(empty) {
-        bail!("no record was received; does a box send there, and at this speed?");
+        bail!(
+            "no record was received; a box or a capture of Gangway is needed, and a serial line's right speed"
+        );
     }
     Ok(())
 }

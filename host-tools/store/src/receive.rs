@@ -115,7 +115,7 @@ impl Receiver {
                             self.address
                         ));
                     }
-                    if !strange_said && ingest.is_strange() {
+                    if !strange_said && self.source.is_live() && ingest.is_strange() {
                         strange_said = true;
                         say(&format!(
                             "{}: bytes come, but no record among them; does a box send there, and at this speed?",

@@ -40,13 +40,15 @@ fn bytes_are_stored_as_they_came() {
 #[test]
 fn a_line_without_records_is_told_once() {
     let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("noise");
-    std::fs::write(&file, [0x55; 300_000]).unwrap();
-    let from = Address::File(file);
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let from = Address::Tcp(server.local_addr().unwrap().to_string());
+    let noise = thread::spawn(move || server.accept().unwrap().0.write_all(&[0x55; 300_000]).unwrap());
+    let until = Until { once: true, ..Until::default() };
     let mut said = Vec::new();
-    let receiver = Receiver::open(&from, &dir.path().join("rides"), Until::default()).unwrap();
+    let receiver = Receiver::open(&from, dir.path(), until).unwrap();
     receiver.run(&AtomicBool::new(false), |what| said.push(what.to_owned()), |_| ()).unwrap();
-    assert!(said.len() == 1 && said[0].contains("no record among them"), "{said:?}");
+    noise.join().unwrap();
+    assert_eq!(said.iter().filter(|what| what.contains("no record among them")).count(), 1, "{said:?}");
 }
 
 #[test]
