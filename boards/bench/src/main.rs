@@ -22,7 +22,8 @@ const PROGRAM: Program = Program::new("gangway-bench");
 /// --real-time nothing waits, and what the line does not take is lost and counted, as on a box; frames that
 /// the loop comes late for are measured late, never left out.
 ///
-/// A frame's time is its number over the rate that the recording names, or else the setup's.
+/// Frames are numbered from 0, whatever their files are called, and a frame's time is its number over the rate
+/// that the recording names, or else the setup's; --times gives others.
 #[derive(Parser)]
 #[command(name = "gangway-bench", version, max_term_width = 100)]
 struct Args {
