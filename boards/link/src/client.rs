@@ -136,12 +136,10 @@ impl Link for TcpClient {
 
     fn send(&mut self, bytes: &[u8]) -> Result<usize, Error> {
         self.stream()?;
-        if self.begins {
-            self.begins = self.write(&[0])? == 0;
-            if self.begins {
-                return Ok(0);
-            }
+        if self.begins && self.write(&[0])? == 0 {
+            return Ok(0);
         }
+        self.begins = false;
         self.write(bytes)
     }
 

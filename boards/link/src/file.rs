@@ -86,9 +86,10 @@ impl Link for FileLink {
     type Error = Error;
 
     fn send(&mut self, bytes: &[u8]) -> Result<usize, Error> {
-        if self.begins {
-            self.begins = self.write(&[0])? == 0;
+        if self.begins && self.write(&[0])? == 0 {
+            return Ok(0);
         }
+        self.begins = false;
         self.write(bytes)
     }
 
