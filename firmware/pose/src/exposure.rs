@@ -1,28 +1,106 @@
 //! Motion within an exposure of all rows at once: a picture shows the mean over it, which is not where the
-//! carbody is in its middle.
+//! carbody is in its middle, but `a T^2 / 24` further.
 
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use crate::Solution;
 use crate::shutter::{Shutter, shared};
-use crate::track::{Track, moved_by};
+use crate::track::{Rates, SMOOTH, Track, moved_by};
+
+/// Frames whose mean [`Smears`] is in the end, and those that it needs.
+const FRAMES: f64 = 100.0;
+const ENOUGH: f64 = 25.0;
+/// A smear whose square is above this many times the mean is new. A sine's square is at most twice its mean,
+/// that of two sines four times.
+const NEW: f64 = 4.0;
+
+/// How large smears have been so far: mean squares, each coordinate by itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Smears {
+    squares: Vector6<f64>,
+    frames: f64,
+}
+
+impl Smears {
+    pub(crate) fn learn(&mut self, smear: &Vector6<f64>) {
+        self.frames = (self.frames + 1.0).min(FRAMES);
+        self.squares += (smear.component_mul(smear) - self.squares) / self.frames;
+    }
+
+    fn know(&self, smear: &Vector6<f64>) -> bool {
+        let is_new = |i: usize| smear[i] * smear[i] > NEW * self.squares[i];
+        self.frames >= ENOUGH && !(0..6).any(is_new)
+    }
+}
+
+/// How far the mean over an exposure is from its middle.
+struct Smear {
+    mean: Vector6<f64>,
+    /// How it follows the pose and the three before it, each coordinate by itself.
+    by_pose: [Vector6<f64>; 4],
+    /// Covariance of what they do not tell.
+    left_out: Matrix6<f64>,
+    /// Whether all four are known.
+    is_followed: bool,
+}
+
+impl Smear {
+    fn of(rates: &Rates, exposure_s: f64) -> Self {
+        // All circles move alike: what is true of one is true of the pose.
+        let (along, weights) = (rates.along(0.0, exposure_s), rates.weights());
+        let by_pose = [0, 1, 2, 3].map(|k| -> Vector6<f64> {
+            let [second, third] = [0, 1].map(|m| rates.shares[m] * (along[m + 1] * weights[m + 1][k]));
+            second + third
+        });
+        let left_out = rates.left_out.iter().zip(&along[1..]);
+        Self {
+            mean: rates.second * (exposure_s * exposure_s / 12.0),
+            by_pose,
+            left_out: left_out.map(|(left_out, w)| left_out * (w * w)).sum(),
+            is_followed: rates.is_cubic,
+        }
+    }
+
+    /// The share of it that is best taken off, for what is left out of it and for the poses' own noise
+    /// (Wiener's filter): vibration of a sixth of the frame rate and more is foretold so late that all of it
+    /// does more harm than good.
+    fn best(mut self, smears: &Smears, covariance: &Matrix6<f64>) -> Self {
+        let share = Vector6::from_fn(|i, _| {
+            let by_noise: f64 = self.by_pose.iter().map(|by| by[i] * by[i] * covariance[(i, i)]).sum();
+            let square = smears.squares[i];
+            let off = self.left_out[(i, i)] + by_noise;
+            if off < square { 1.0 - off / square } else { 0.0 }
+        });
+        self.mean.component_mul_assign(&share);
+        self.by_pose.iter_mut().for_each(|by_pose| by_pose.component_mul_assign(&share));
+        self
+    }
+}
 
 /// Brings the mean over the exposure to its middle: `solution` is of the frame at `time_ns`, `track` of those
 /// before it. As [`crate::solve_in_motion`] does, covariance included, for a pose that was made of several.
 pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut Track, time_ns: u64) {
-    if shutter.exposure_s <= 0.0 {
+    let Shutter { exposure_s, .. } = *shutter;
+    if exposure_s <= 0.0 {
         return;
     }
-    let Some(rates) = track.rates(time_ns, &solution.pose, &solution.covariance) else { return };
-    // All circles move alike: what is true of one is true of the pose. `weights` say how far it follows this
-    // pose and the three before it.
-    let (along, weights) = (rates.along(0.0, shutter.exposure_s), rates.weights());
-    let by_pose = |k: usize| -> Vector6<f64> {
-        let [second, third] = [0, 1].map(|m| rates.shares[m] * (along[m + 1] * weights[m + 1][k]));
-        second + third
+    let Solution { pose, covariance, .. } = solution;
+    let smear = |smooth| {
+        let rates = track.rates(time_ns, pose, covariance, smooth)?;
+        Some(Smear::of(&rates, exposure_s))
     };
-    let by_own = (Vector6::repeat(1.0) + by_pose(0)).map(|factor| 1.0 / factor);
-    let mean = rates.mean_over(shutter.exposure_s).component_mul(&by_own);
+    let Some(whole) = smear(f64::INFINITY) else { return };
+    let learnt = whole.is_followed.then_some((time_ns, whole.mean));
+    let smear = if whole.is_followed && track.smears.know(&whole.mean) {
+        whole.best(&track.smears, covariance)
+    } else {
+        let Some(cautious) = smear(SMOOTH) else { return };
+        cautious
+    };
+    track.smear = learnt;
+    // It is that of the motion without it.
+    let by_own = (Vector6::repeat(1.0) + smear.by_pose[0]).map(|factor| 1.0 / factor);
+    let mean = smear.mean.component_mul(&by_own);
     solution.pose = moved_by(&solution.pose, &-mean);
     if let Some(other) = &mut solution.alternative {
         other.pose = moved_by(&other.pose, &-mean);
@@ -33,17 +111,15 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
         track.joint.take_for_all(&(solution.covariance + mean * mean.transpose()));
     }
     let mut by_past = SMatrix::<f64, 6, 18>::zeros();
-    for k in 0..3 {
-        let share = -by_own.component_mul(&by_pose(k + 1));
-        by_past.fixed_columns_mut::<6>(6 * k).copy_from(&Matrix6::from_diagonal(&share));
+    for (k, by_pose) in smear.by_pose[1..].iter().enumerate() {
+        let share = Matrix6::from_diagonal(&-by_own.component_mul(by_pose));
+        by_past.fixed_columns_mut::<6>(6 * k).copy_from(&share);
     }
     let by_own = Matrix6::from_diagonal(&by_own);
     let with_past = by_past * track.joint.0;
     let own = by_own * solution.covariance * by_own + with_past * by_past.transpose();
-    let left_out = rates.left_out.iter().zip(&along[1..]);
-    let covariance = left_out.fold(own, |sum, (left_out, w)| sum + left_out * (w * w));
-    if let Some((covariance, share)) = shared(covariance, own, with_past) {
+    if let Some((covariance, share)) = shared(own + smear.left_out, own, with_past) {
         solution.covariance = covariance;
-        track.latest = rates.is_cubic.then_some((time_ns, share));
+        track.latest = smear.is_followed.then_some((time_ns, share));
     }
 }

@@ -10,7 +10,7 @@ use crate::exposure::at_mid_exposure;
 use crate::geometry::{Pose, skew};
 use crate::lens::Lens;
 use crate::robust::freedom;
-use crate::track::{Rates, Share, Track};
+use crate::track::{Rates, SMOOTH, Share, Track};
 use crate::{MAX_CIRCLES, Observation, PoseError, Settings, Solution, scatter, solve};
 
 /// Solutions after which it ends in any case. Each leaves some tenth of the error before it where the readout
@@ -76,7 +76,7 @@ fn row_by_row(
     // Until there is a solution the track's cubic part is left out.
     let mut covariance = Matrix6::from_diagonal_element(f64::INFINITY);
     for _ in 0..PASSES {
-        let Some(rates) = track.rates(time_ns, &pose, &covariance) else { break };
+        let Some(rates) = track.rates(time_ns, &pose, &covariance, SMOOTH) else { break };
         let corrected: Vec<Observation, MAX_CIRCLES> =
             observations.iter().map(|seen| at_frame_time(seen, lens, shutter, &pose, &rates)).collect();
         let found = solve(&corrected, lens, settings, Some(&pose))?;

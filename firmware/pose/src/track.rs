@@ -5,6 +5,7 @@
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use crate::eigen::symmetric;
+use crate::exposure::Smears;
 use crate::geometry::{Pose, rotation_vector};
 
 /// Poses further back than this say nothing of the motion now, s.
@@ -13,7 +14,7 @@ const OLDEST_S: f64 = 0.25;
 /// Third differences above this share of the second ones (and its square of the first ones) are a shock,
 /// which does not go on: a sine has at most the square of its phase's step from frame to frame, this much at
 /// 5.6 Hz and 50 frames/s.
-const SMOOTH: f64 = 0.5;
+pub(crate) const SMOOTH: f64 = 0.5;
 
 /// A difference whose square is above this many times its noise's variance is no chance.
 const CLEAR: f64 = 16.0;
@@ -43,6 +44,9 @@ pub struct Track {
     run: usize,
     /// Of the third and the fourth divided difference.
     power: [Power; 2],
+    /// Of what exposures smear, and that of the frame solved last, with its time.
+    pub(crate) smears: Smears,
+    pub(crate) smear: Option<(u64, Vector6<f64>)>,
 }
 
 /// Covariances of the errors of poses so many frames apart.
@@ -161,6 +165,9 @@ fn noise<const N: usize>(weights: [f64; N], lags: &Lags) -> Matrix6<f64> {
 impl Track {
     /// Takes the pose of a frame.
     pub fn follow(&mut self, time_ns: u64, pose: &Pose) {
+        if let Some((_, smear)) = self.smear.take().filter(|(at_ns, _)| *at_ns == time_ns) {
+            self.smears.learn(&smear);
+        }
         let latest = self.latest.take().filter(|(at_ns, _)| *at_ns == time_ns).map(|(_, share)| share);
         match &latest {
             Some(share) => {
@@ -232,8 +239,15 @@ impl Track {
     }
 
     /// The motion about `pose` at a time after those of the track, by Newton's divided differences; none
-    /// where nothing is known of it. `covariance` is that of the pose.
-    pub(crate) fn rates(&self, time_ns: u64, pose: &Pose, covariance: &Matrix6<f64>) -> Option<Rates> {
+    /// where nothing is known of it. `covariance` is that of the pose; `smooth` is [`SMOOTH`], or infinite
+    /// where the motion is known to be no shock.
+    pub(crate) fn rates(
+        &self,
+        time_ns: u64,
+        pose: &Pose,
+        covariance: &Matrix6<f64>,
+        smooth: f64,
+    ) -> Option<Rates> {
         let (x1, d1) = self.back(0, time_ns, pose)?;
         let slope1 = d1 / x1;
         let zero = Vector6::zeros();
@@ -264,7 +278,7 @@ impl Track {
             let [d1, d2, d3] =
                 [step * slope1[i], 2.0 * step * step * second[i], 6.0 * step * step * step * third[i]]
                     .map(|d| d * d);
-            if third[i] * third[i] > CLEAR * noise3[(i, i)] && d3 > SMOOTH * (SMOOTH * d1 + d2) {
+            if third[i] * third[i] > CLEAR * noise3[(i, i)] && d3 > smooth * (smooth * d1 + d2) {
                 rates.left_out[0][(i, i)] = second[i] * second[i];
                 continue;
             }
@@ -292,12 +306,6 @@ impl Rates {
     pub(crate) fn pose_at(&self, pose: &Pose, seconds: f64, exposure_s: f64) -> Pose {
         let [a, b, c, _] = powers(seconds, exposure_s);
         moved_by(pose, &(self.first * a + self.second * b + self.third * c))
-    }
-
-    /// How far the mean over an exposure about the pose is from it.
-    pub(crate) fn mean_over(&self, exposure_s: f64) -> Vector6<f64> {
-        let [_, square, ..] = powers(0.0, exposure_s);
-        self.second * square
     }
 
     /// How much of the first to fourth divided difference is in the motion so many seconds later, on average
@@ -350,7 +358,7 @@ mod tests {
         track.follow(1_000_000_000, &at(x(1.0)));
         track.follow(1_030_000_000, &at(x(1.03)));
         let exact = Matrix6::identity() * 1e-12;
-        let rates = track.rates(1_050_000_000, &at(x(1.05)), &exact).expect("three poses before");
+        let rates = track.rates(1_050_000_000, &at(x(1.05)), &exact, SMOOTH).expect("three poses before");
         assert!((rates.first[0] - (300.0 - 4000.0 * 1.05)).abs() < 1e-6, "{}", rates.first);
         assert!((rates.second[0] + 2000.0).abs() < 1e-4, "{}", rates.second);
         assert!((rates.pose_at(&at(x(1.05)), 0.004, 0.0).translation.x - x(1.054)).abs() < 1e-6);
@@ -363,8 +371,9 @@ mod tests {
             for (frame, x) in places.iter().take(3).enumerate() {
                 track.follow(20_000_000 * frame as u64, &at(*x));
             }
-            let rates =
-                track.rates(60_000_000, &at(places[3]), &(Matrix6::identity() * 1e-4)).expect("a track");
+            let rates = track
+                .rates(60_000_000, &at(places[3]), &(Matrix6::identity() * 1e-4), SMOOTH)
+                .expect("a track");
             assert_eq!(rates.second[0], 0.0);
             assert!((rates.first[0] - (places[3] - places[2]) / 0.02).abs() < 1e-6);
         }
@@ -378,7 +387,7 @@ mod tests {
             track.follow(frame * 20_000_000, &at(x(0.02 * frame as f64)));
         }
         let rates = |variance| {
-            track.rates(60_000_000, &at(x(0.06)), &(Matrix6::identity() * variance)).expect("a track")
+            track.rates(60_000_000, &at(x(0.06)), &(Matrix6::identity() * variance), SMOOTH).expect("a track")
         };
         assert!((rates(1e-12).pose_at(&at(x(0.06)), 0.005, 0.0).translation.x - x(0.065)).abs() < 1e-6);
         // The third difference is 4.8 mm: a standard deviation of 2 mm makes it noise.
@@ -389,10 +398,13 @@ mod tests {
     #[test]
     fn nothing_is_known_of_the_motion_after_a_gap_or_from_a_clock_that_stands() {
         let mut track = Track::default();
-        assert!(track.rates(0, &at(0.0), &Matrix6::zeros()).is_none());
+        assert!(track.rates(0, &at(0.0), &Matrix6::zeros(), SMOOTH).is_none());
         track.follow(1_000_000_000, &at(0.0));
-        assert!(track.rates(2_000_000_000, &at(0.0), &Matrix6::zeros()).is_none(), "a second is too long");
-        assert!(track.rates(1_000_000_000, &at(0.0), &Matrix6::zeros()).is_none(), "no time went by");
-        assert!(track.rates(900_000_000, &at(0.0), &Matrix6::zeros()).is_none(), "time went back");
+        assert!(
+            track.rates(2_000_000_000, &at(0.0), &Matrix6::zeros(), SMOOTH).is_none(),
+            "a second is too long"
+        );
+        assert!(track.rates(1_000_000_000, &at(0.0), &Matrix6::zeros(), SMOOTH).is_none(), "no time went by");
+        assert!(track.rates(900_000_000, &at(0.0), &Matrix6::zeros(), SMOOTH).is_none(), "time went back");
     }
 }

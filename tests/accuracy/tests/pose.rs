@@ -148,6 +148,8 @@ fn what_is_left_of_the_exposures_smear_is_in_the_covariance() {
         let outcomes = [0, 1, 2].map(|seed| shutter::run(0.0, 10.0, hz, seed, 400));
         let mean = outcomes.iter().map(|outcome| outcome.squared).sum::<f64>() / 3.0;
         assert!(TRUE.contains(&mean), "{hz} Hz: {outcomes:?}");
+        // What could only be foretold too late stays.
+        assert!(outcomes.iter().all(|outcome| outcome.mm[1] < 0.75 * outcome.mm[0]), "{hz} Hz: {outcomes:?}");
     }
 }
 
