@@ -287,6 +287,23 @@ fn who_listens_from_mid_ride_gets_all_that_is_needed_to_read_on() {
 }
 
 #[test]
+fn a_session_of_one_frame_holds_its_whole_setup() {
+    let ride = Ride::short();
+    let mut frame_loop = ride.start();
+    frame_loop.step_without_reading(0, 0);
+    frame_loop.end();
+    let (mut text, mut has_ended) = (String::new(), false);
+    frame_loop.read(|_, _, record| {
+        if let Record::Setup(piece) = record {
+            text.push_str(piece.text);
+        }
+        has_ended = matches!(record, Record::Event(event) if event.what == What::Ended);
+    });
+    assert_eq!(text, ride.settings.text.as_str());
+    assert!(has_ended, "that it ends is the last record");
+}
+
+#[test]
 fn everything_is_announced_again_every_ten_seconds() {
     let ride = Ride::short();
     let mut frame_loop = ride.start();

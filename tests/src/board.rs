@@ -135,6 +135,13 @@ impl Loop<'_> {
         self.engine.step(&mut board, &mut inbox, &mut outbox)
     }
 
+    /// Ends the session.
+    pub fn end(&mut self) {
+        let lamps = core::slice::from_mut(&mut self.lamp);
+        let mut board = Board { camera: &mut (), clock: &Ticks, vitals: &mut Reading::default(), lamps };
+        self.engine.end(&mut board, &mut self.outbox.split().0);
+    }
+
     /// Takes what is in the outbox: sequence, body and record of each.
     pub fn read(&mut self, mut visit: impl FnMut(u32, &[u8], &Record<'_>)) {
         let (_, mut packets) = self.outbox.split();

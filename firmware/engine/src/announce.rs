@@ -66,12 +66,30 @@ impl Announcer {
         outbox: &mut OutboxProducer<'_>,
     ) {
         for _ in 0..PIECES_PER_STEP {
-            let Some(position) = self.position else { return };
-            let piece = piece(settings, position);
-            self.position = piece.as_ref().map(|(_, next)| *next);
-            if let Some((record, _)) = piece {
-                recorder.put(outbox, &record);
-            }
+            self.next_piece(settings, recorder, outbox);
+        }
+    }
+
+    /// Sends the pieces that are left at the session's end, as far as there is room for them beside `others`
+    /// records: whoever has only what was sent cannot ask for them.
+    pub(crate) fn finish(
+        &mut self,
+        settings: &Settings,
+        others: usize,
+        recorder: &mut Recorder,
+        outbox: &mut OutboxProducer<'_>,
+    ) {
+        while self.position.is_some() && outbox.capacity() - outbox.len() > others {
+            self.next_piece(settings, recorder, outbox);
+        }
+    }
+
+    fn next_piece(&mut self, settings: &Settings, recorder: &mut Recorder, outbox: &mut OutboxProducer<'_>) {
+        let Some(position) = self.position else { return };
+        let piece = piece(settings, position);
+        self.position = piece.as_ref().map(|(_, next)| *next);
+        if let Some((record, _)) = piece {
+            recorder.put(outbox, &record);
         }
     }
 }

@@ -32,6 +32,9 @@ use crate::{InboxConsumer, OutboxProducer, Settings};
 pub const MAX_RECORDS_PER_STEP: usize = MAX_CIRCLES + crate::INBOX_SLOTS + 20;
 const _: () = assert!(MAX_RECORDS_PER_STEP < crate::OUTBOX_SLOTS);
 
+/// Records with which a session ends: what was lost, how the loop did, and that it is over.
+const LAST_RECORDS: usize = 3;
+
 /// The frame loop's state: one box, one camera, one session.
 ///
 /// It is some hundred KiB large: boards place it once, in a static or a box.
@@ -155,6 +158,7 @@ impl Engine {
             // Nothing is left to be done about a pin that fails now.
             let _ = lamp.set_lit(false);
         }
+        self.announcer.finish(&self.settings, LAST_RECORDS, &mut self.recorder, outbox);
         self.report_health(board.clock, board.vitals, outbox);
         self.recorder.event(outbox, What::Ended);
     }
