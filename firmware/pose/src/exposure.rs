@@ -75,6 +75,34 @@ impl Smear {
         self.by_pose.iter_mut().for_each(|by_pose| by_pose.component_mul_assign(&share));
         self
     }
+
+    /// Takes it off, and tells the covariance of that.
+    fn take_off(self, solution: &mut Solution, track: &mut Track, time_ns: u64) {
+        // It is that of the motion without it.
+        let by_own = (Vector6::repeat(1.0) + self.by_pose[0]).map(|factor| 1.0 / factor);
+        let mean = self.mean.component_mul(&by_own);
+        solution.pose = moved_by(&solution.pose, &-mean);
+        if let Some(other) = &mut solution.alternative {
+            other.pose = moved_by(&other.pose, &-mean);
+        }
+
+        if track.lags.is_none() {
+            // Poses that were taken without this motion are off by about what it does to one.
+            track.joint.take_for_all(&(solution.covariance + mean * mean.transpose()));
+        }
+        let mut by_past = SMatrix::<f64, 6, 18>::zeros();
+        for (k, by_pose) in self.by_pose[1..].iter().enumerate() {
+            let share = Matrix6::from_diagonal(&-by_own.component_mul(by_pose));
+            by_past.fixed_columns_mut::<6>(6 * k).copy_from(&share);
+        }
+        let by_own = Matrix6::from_diagonal(&by_own);
+        let with_past = by_past * track.joint.0;
+        let own = by_own * solution.covariance * by_own + with_past * by_past.transpose();
+        if let Some((covariance, share)) = shared(own + self.left_out, own, with_past) {
+            solution.covariance = covariance;
+            track.latest = self.is_followed.then_some((time_ns, share));
+        }
+    }
 }
 
 /// Brings the mean over the exposure to its middle: `solution` is of the frame at `time_ns`, `track` of those
@@ -89,6 +117,7 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
         let rates = track.rates(time_ns, pose, covariance, smooth)?;
         Some(Smear::of(&rates, exposure_s))
     };
+    // What is no larger than usual is no shock.
     let Some(whole) = smear(f64::INFINITY) else { return };
     let learnt = whole.is_followed.then_some((time_ns, whole.mean));
     let smear = if whole.is_followed && track.smears.know(&whole.mean) {
@@ -98,28 +127,5 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
         cautious
     };
     track.smear = learnt;
-    // It is that of the motion without it.
-    let by_own = (Vector6::repeat(1.0) + smear.by_pose[0]).map(|factor| 1.0 / factor);
-    let mean = smear.mean.component_mul(&by_own);
-    solution.pose = moved_by(&solution.pose, &-mean);
-    if let Some(other) = &mut solution.alternative {
-        other.pose = moved_by(&other.pose, &-mean);
-    }
-
-    if track.lags.is_none() {
-        // Poses that were taken without this motion are off by about what it does to one.
-        track.joint.take_for_all(&(solution.covariance + mean * mean.transpose()));
-    }
-    let mut by_past = SMatrix::<f64, 6, 18>::zeros();
-    for (k, by_pose) in smear.by_pose[1..].iter().enumerate() {
-        let share = Matrix6::from_diagonal(&-by_own.component_mul(by_pose));
-        by_past.fixed_columns_mut::<6>(6 * k).copy_from(&share);
-    }
-    let by_own = Matrix6::from_diagonal(&by_own);
-    let with_past = by_past * track.joint.0;
-    let own = by_own * solution.covariance * by_own + with_past * by_past.transpose();
-    if let Some((covariance, share)) = shared(own + smear.left_out, own, with_past) {
-        solution.covariance = covariance;
-        track.latest = smear.is_followed.then_some((time_ns, share));
-    }
+    smear.take_off(solution, track, time_ns);
 }

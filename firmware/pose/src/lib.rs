@@ -3,8 +3,9 @@
 //! [`solve`] is the front door: observations in, [`Solution`] out. Inside, from first pose to motion: `lens`
 //! (pixel to ray), `linear` with `homography`, `dlt` and `epnp` (first pose), `refine` (Levenberg-Marquardt),
 //! `robust` and `search` with `p3p` (what does not fit), `ambiguity` with `history` (second pose of a plane),
-//! `relative` (one carbody against the other), `rest` and `motion` (against the rest pose). Nothing here
-//! panics on any input, allocates, or depends on the machine: the same input gives the same bits everywhere.
+//! `shutter`, `exposure` and `track` (motion while a frame is exposed), `relative` (one carbody against the
+//! other), `rest` and `motion` (against the rest pose). Nothing here panics on any input, allocates, or depends
+//! on the machine: the same input gives the same bits everywhere.
 #![no_std]
 #![forbid(unsafe_code)]
 #![allow(
