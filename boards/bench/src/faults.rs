@@ -54,6 +54,9 @@ pub enum FaultError {
     /// The rate is missing or out of its bounds.
     #[error("'{0}' has no rate from 0 to 1; write NAME:RATE such as drop:0.01")]
     Rate(String),
+    /// It is there already.
+    #[error("'{0}' is there twice; give each fault one rate")]
+    Twice(String),
     /// Together they are more than all.
     #[error("the rates of the {0} faults sum up to more than 1; make them smaller")]
     Sum(&'static str),
@@ -64,6 +67,7 @@ impl FromStr for Faults {
 
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let mut faults = Self::default();
+        let mut names: Vec<&str> = Vec::new();
         for item in text.split(',').map(str::trim).filter(|item| !item.is_empty()) {
             let (name, rate) = item.split_once(':').unwrap_or((item, ""));
             let slot = match name {
@@ -77,6 +81,10 @@ impl FromStr for Faults {
                 "link-garble" => &mut faults.link.garble,
                 _ => return Err(FaultError::Name(name.to_owned())),
             };
+            if names.contains(&name) {
+                return Err(FaultError::Twice(name.to_owned()));
+            }
+            names.push(name);
             let rate = rate.parse().ok().filter(|rate| (0.0..=1.0).contains(rate));
             *slot = rate.ok_or_else(|| FaultError::Rate(item.to_owned()))?;
         }
@@ -121,6 +129,7 @@ mod tests {
             ("drop:2", "'drop:2' has no rate from 0 to 1"),
             ("drop:-0.1", "has no rate from 0 to 1"),
             ("drop:nan", "has no rate from 0 to 1"),
+            ("drop:0.1,dark:0.1,drop:0.2", "'drop' is there twice"),
             ("drop:0.6,dark:0.6", "the camera's faults sum up to more than 1"),
             ("link-drop:0.6,link-stall:0.6", "the link's faults sum up to more than 1"),
         ] {
