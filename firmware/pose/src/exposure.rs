@@ -61,14 +61,12 @@ impl Smear {
         }
     }
 
-    /// The share of it that is best taken off, for what is left out of it and for the poses' own noise
-    /// (Wiener's filter): vibration of a sixth of the frame rate and more is foretold so late that all of it
-    /// does more harm than good.
-    fn best(mut self, smears: &Smears, covariance: &Matrix6<f64>) -> Self {
+    /// The share of it that is best taken off, for what is left out of it (Wiener's filter): vibration of a
+    /// sixth of the frame rate and more is foretold so late that all of it does more harm than good. What the
+    /// poses' noise makes of it is not counted: most of that is this pose's own, and lessens it.
+    fn best(mut self, smears: &Smears) -> Self {
         let share = Vector6::from_fn(|i, _| {
-            let by_noise: f64 = self.by_pose.iter().map(|by| by[i] * by[i] * covariance[(i, i)]).sum();
-            let square = smears.squares[i];
-            let off = self.left_out[(i, i)] + by_noise;
+            let (off, square) = (self.left_out[(i, i)], smears.squares[i]);
             if off < square { 1.0 - off / square } else { 0.0 }
         });
         self.mean.component_mul_assign(&share);
@@ -121,7 +119,7 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
     let Some(whole) = smear(f64::INFINITY) else { return };
     let learnt = whole.is_followed.then_some((time_ns, whole.mean));
     let smear = if whole.is_followed && track.smears.know(&whole.mean) {
-        whole.best(&track.smears, covariance)
+        whole.best(&track.smears)
     } else {
         let Some(cautious) = smear(SMOOTH) else { return };
         cautious
