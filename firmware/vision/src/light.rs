@@ -34,8 +34,12 @@ const FEWEST: usize = 4;
 /// Frames whose mean [`Target::news`] is in the end: what chance makes of it is then below a fifth.
 const FRAMES: f64 = 32.0;
 
-/// News of more than this are of another light: noise makes them once in e^16 frames.
+/// News of more than this are of another light: noise makes them in one frame of seven hundred at the most
+/// (four rings that scatter more than they say), and all but never where rings scatter as they say.
 const ANOTHER: f64 = 16.0;
+/// News are followed at once as far as they are above this: noise makes as many in one to fifteen frames of a
+/// thousand.
+const CLEAR: f64 = 6.0;
 
 /// The light over the targets of a carbody, as the frames so far tell it. Who tracks a carbody keeps it.
 #[derive(Clone, Debug, Default)]
@@ -113,7 +117,9 @@ impl Illumination {
         };
         let off = [0, 1].map(|axis| mean.slope[axis] - target.slope[axis]);
         let news = 0.5 * (off[0] * off[0] + off[1] * off[1]) / mean.variance;
-        if news > ANOTHER {
+        // What is no number is none to go on from either.
+        let goes_on = news <= ANOTHER;
+        if !goes_on {
             *target = first;
             return (mean.slope, 1.0);
         }
@@ -121,7 +127,7 @@ impl Illumination {
         target.news += (news - target.news) / target.frames;
         // News of variance P + V, where V is this mean's and P that of what was known before, ask for the
         // gain P / (P + V); the variance left is that share of V. A mean of n is no better than an n-th.
-        let gain = (1.0 - 1.0 / target.news).max(1.0 / (target.frames + 1.0));
+        let gain = (1.0 - 1.0 / target.news).max(1.0 / (target.frames + 1.0)).max(1.0 - CLEAR / news);
         target.slope = [0, 1].map(|axis| target.slope[axis] + gain * off[axis]);
         (target.slope, gain)
     }
@@ -143,9 +149,8 @@ impl Mean {
             scatter + (off[0] * off[0] + off[1] * off[1]) / light.variance
         });
         // Two numbers a ring, two spent on the mean; the estimator takes two more.
-        let free = (2 * count - 2) as f64;
-        let variance = (scatter / free).max(1.0) / weights;
-        Self { slope, variance, share: ((free - 2.0) / scatter).min(1.0), count }
+        let share = ((2 * count - 4) as f64 / scatter).min(1.0);
+        Self { slope, variance: 1.0 / (share * weights), share, count }
     }
 }
 
@@ -237,6 +242,32 @@ mod tests {
         let after = mean_square(&errors(2000, &mut light, 3.0, &mut random));
         // Chance is taken for news by a tenth on average, which leaves a twentieth of a mean's variance.
         assert!(after < known.0 + 0.1 * known.1, "{after}, alone {alone}");
+    }
+
+    #[test]
+    fn a_change_that_is_hardly_clear_is_followed_within_frames() {
+        let mut random = Random::new(3);
+        // Five times the noise of a mean: without following it the centres would be off by as much.
+        let step = 5.0 / (RINGS as f64).sqrt();
+        let frames = [(); 500].map(|()| {
+            let mut light = Illumination::default();
+            errors(64, &mut light, 0.0, &mut random);
+            errors(3, &mut light, step, &mut random)
+        });
+        let of_frame = |k: usize| mean_square(&frames.iter().map(|errors| errors[k]).collect::<Vec<_>>());
+        let alone = (1.0 + PULL * PULL) / RINGS as f64;
+        let whole = (PULL * step) * (PULL * step);
+        assert!(of_frame(0) < 0.3 * whole + alone, "{} of {whole}", of_frame(0));
+        assert!(of_frame(2) < 0.15 * whole + alone, "{} of {whole}", of_frame(2));
+    }
+
+    #[test]
+    fn what_is_no_number_is_forgotten_with_its_frame() {
+        let mut light = Illumination::default();
+        shared(&mut light, &[(0.0, f64::NAN); RINGS]);
+        shared(&mut light, &[(0.0, f64::INFINITY); RINGS]);
+        let centres = shared(&mut light, &[(0.0, 1.0); RINGS]);
+        assert!(centres.iter().all(|centre| centre.at[0] == 0.0), "{centres:?}");
     }
 
     #[test]

@@ -62,6 +62,8 @@ impl Tracker {
     /// Looks for every ring of `searches`; `rings[i]` answers `searches[i]`. Only the first `MAX_CIRCLES`
     /// searches are answered, and no more than `rings` has room for.
     ///
+    /// `light` is what the frames before have told of it, and takes this frame's: once each.
+    ///
     /// A ring that its window cuts or does not show is looked for again, in a window moved to where the cut
     /// piece says and then by as much as the other rings of its target have moved.
     pub fn track(

@@ -339,8 +339,9 @@ fn random_bytes_and_absurd_searches_never_panic_nor_give_a_ring_that_is_no_numbe
             uncertain_px: pick(0.0),
             bias: [pick(0.0), pick(0.0)],
         };
-        let mut rings = [Err(Refusal::NotFound); 3];
-        let searches = [search, search, Search::round([20.0, 20.0], 14.0)];
+        let mut rings = [Err(Refusal::NotFound); 6];
+        let near = |u| Search::round([u, 20.0], 14.0);
+        let searches = [search, search, near(18.0), near(20.0), near(22.0), near(25.0)];
         tracker.track(&frame, &searches, &mut light, &mut rings);
         for ring in rings.iter().flatten() {
             assert!(ring.centre.at.iter().chain(&ring.centre.covariance).all(|x| x.is_finite()), "{ring:?}");
