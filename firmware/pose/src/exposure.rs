@@ -5,31 +5,30 @@ use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use crate::Solution;
 use crate::shutter::{Shutter, shared};
-use crate::track::{Rates, SMOOTH, Track, moved_by};
+use crate::track::{FRAMES, NEW, Rates, SMOOTH, Track, moved_by};
 
-/// Frames whose mean [`Smears`] is in the end, and those that it needs.
-const FRAMES: f64 = 100.0;
+/// Frames that [`Bends`] needs.
 const ENOUGH: f64 = 25.0;
-/// A smear whose square is above this many times the mean is new. A sine's square is at most twice its mean,
-/// that of two sines four times.
-const NEW: f64 = 4.0;
 
-/// How large smears have been so far: mean squares, each coordinate by itself.
+/// How much the motion has bent so far: mean squares of the coefficient of its seconds' square, each
+/// coordinate by itself.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Smears {
+pub(crate) struct Bends {
     squares: Vector6<f64>,
     frames: f64,
 }
 
-impl Smears {
-    pub(crate) fn learn(&mut self, smear: &Vector6<f64>) {
-        self.frames = (self.frames + 1.0).min(FRAMES);
-        self.squares += (smear.component_mul(smear) - self.squares) / self.frames;
+impl Bends {
+    pub(crate) fn learn(&mut self, bend: &Vector6<f64>) {
+        if bend.iter().all(|bend| bend.is_finite()) {
+            self.frames = (self.frames + 1.0).min(FRAMES);
+            self.squares += (bend.component_mul(bend) - self.squares) / self.frames;
+        }
     }
 
-    fn know(&self, smear: &Vector6<f64>) -> bool {
-        let is_new = |i: usize| smear[i] * smear[i] > NEW * self.squares[i];
-        self.frames >= ENOUGH && !(0..6).any(is_new)
+    /// Whether it has bent like that before.
+    fn know(&self, bend: &Vector6<f64>) -> bool {
+        self.frames >= ENOUGH && (0..6).all(|i| bend[i] * bend[i] <= NEW * self.squares[i])
     }
 }
 
@@ -54,19 +53,20 @@ impl Smear {
         });
         let left_out = rates.left_out.iter().zip(&along[1..]);
         Self {
-            mean: rates.second * (exposure_s * exposure_s / 12.0),
+            mean: rates.second * per_bend(exposure_s),
             by_pose,
             left_out: left_out.map(|(left_out, w)| left_out * (w * w)).sum(),
             is_followed: rates.is_cubic,
         }
     }
 
-    /// The share of it that is best taken off, for what is left out of it (Wiener's filter): vibration of a
-    /// sixth of the frame rate and more is foretold so late that all of it does more harm than good. What the
-    /// poses' noise makes of it is not counted: most of that is this pose's own, and lessens it.
-    fn best(mut self, smears: &Smears) -> Self {
+    /// The share of it that is best taken off, for what is left out of it and the mean squares of it that are
+    /// usual (Wiener's filter): vibration of a fifth of the frame rate and more is foretold so late that all
+    /// of it does more harm than good. What the poses' noise makes of it is not counted: most of that is this
+    /// pose's own, and lessens it. What is left out bounds what stays.
+    fn best(mut self, usual: &Vector6<f64>) -> Self {
         let share = Vector6::from_fn(|i, _| {
-            let (off, square) = (self.left_out[(i, i)], smears.squares[i]);
+            let (off, square) = (self.left_out[(i, i)], usual[i]);
             if off < square { 1.0 - off / square } else { 0.0 }
         });
         self.mean.component_mul_assign(&share);
@@ -80,9 +80,6 @@ impl Smear {
         let by_own = (Vector6::repeat(1.0) + self.by_pose[0]).map(|factor| 1.0 / factor);
         let mean = self.mean.component_mul(&by_own);
         solution.pose = moved_by(&solution.pose, &-mean);
-        if let Some(other) = &mut solution.alternative {
-            other.pose = moved_by(&other.pose, &-mean);
-        }
 
         if track.lags.is_none() {
             // Poses that were taken without this motion are off by about what it does to one.
@@ -95,12 +92,23 @@ impl Smear {
         }
         let by_own = Matrix6::from_diagonal(&by_own);
         let with_past = by_past * track.joint.0;
-        let own = by_own * solution.covariance * by_own + with_past * by_past.transpose();
+        let with_that =
+            |covariance: &Matrix6<f64>| by_own * covariance * by_own + with_past * by_past.transpose();
+        if let Some(other) = &mut solution.alternative {
+            other.pose = moved_by(&other.pose, &-mean);
+            other.covariance = with_that(&other.covariance) + self.left_out;
+        }
+        let own = with_that(&solution.covariance);
         if let Some((covariance, share)) = shared(own + self.left_out, own, with_past) {
             solution.covariance = covariance;
             track.latest = self.is_followed.then_some((time_ns, share));
         }
     }
+}
+
+/// How far the mean over an exposure is from its middle where the motion bends by 1 in the seconds' square, s^2.
+fn per_bend(exposure_s: f64) -> f64 {
+    exposure_s * exposure_s / 12.0
 }
 
 /// Brings the mean over the exposure to its middle: `solution` is of the frame at `time_ns`, `track` of those
@@ -110,20 +118,21 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
     if exposure_s <= 0.0 {
         return;
     }
-    let Solution { pose, covariance, .. } = solution;
-    let smear = |smooth| {
-        let rates = track.rates(time_ns, pose, covariance, smooth)?;
-        Some(Smear::of(&rates, exposure_s))
-    };
-    // What is no larger than usual is no shock.
-    let Some(whole) = smear(f64::INFINITY) else { return };
-    let learnt = whole.is_followed.then_some((time_ns, whole.mean));
-    let smear = if whole.is_followed && track.smears.know(&whole.mean) {
-        whole.best(&track.smears)
+    let per_bend = per_bend(exposure_s);
+    let usual = track.bends.squares * (per_bend * per_bend);
+    let rates = |smooth| track.rates(time_ns, &solution.pose, &solution.covariance, smooth);
+    let Some(whole) = rates(f64::INFINITY) else { return };
+    // What bends no more than usual is no shock.
+    let smear = if whole.is_weighed && track.bends.know(&whole.second) {
+        Smear::of(&whole, exposure_s).best(&usual)
     } else {
-        let Some(cautious) = smear(SMOOTH) else { return };
-        cautious
+        let Some(cautious) = rates(SMOOTH) else { return };
+        let mut smear = Smear::of(&cautious, exposure_s);
+        if !whole.is_weighed && track.bends.frames >= ENOUGH {
+            smear.left_out += Matrix6::from_diagonal(&usual);
+        }
+        smear
     };
-    track.smear = learnt;
+    track.bend = whole.is_cubic.then_some((time_ns, whole.second));
     smear.take_off(solution, track, time_ns);
 }

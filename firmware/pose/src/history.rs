@@ -25,6 +25,8 @@ pub struct PlaneHistory {
     evidence: f64,
     /// Whether the chosen pose is known to be the right one.
     settled: bool,
+    /// Whether the last frame's is not the one that follows from those before.
+    turned: bool,
 }
 
 impl PlaneHistory {
@@ -53,13 +55,20 @@ impl PlaneHistory {
         let before = if follows { *self } else { Self::default() };
         self.evidence = FADE * before.evidence + evidence;
         self.settled = before.settled;
+        self.turned = false;
         if self.evidence < -SWITCH || evidence < -DECISIVE {
             solution.swap();
             self.evidence = self.evidence.abs();
             self.settled = false;
+            self.turned = true;
         }
         self.settled = (self.settled && self.evidence > 0.0) || self.evidence >= DECISIVE;
         !self.settled
+    }
+
+    /// Whether the last pose was taken against those before: the motion between them is none.
+    pub fn has_turned(&self) -> bool {
+        self.turned
     }
 }
 
@@ -104,4 +113,36 @@ fn apart(solution: &Solution) -> f64 {
     };
     let sum = of(&solution.covariance) + of(&other.covariance);
     sum.cholesky().map_or(0.0, |c| turn.dot(&c.solve(&turn)))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix6;
+
+    use super::*;
+    use crate::{Alternative, rotation};
+
+    #[test]
+    fn a_pose_taken_against_those_before_is_told() {
+        let at = |pitch: f64| Pose { rotation: rotation(0.0, pitch, 0.0), ..Pose::FACING };
+        let covariance = Matrix6::identity() * 1e-6;
+        let of = |evidence: f64| {
+            let other = Alternative { pose: at(-0.2), covariance, residual_px: 0.1, ratio: 1.0, evidence };
+            Solution { pose: at(0.2), covariance, residual_px: 0.1, used: 0x7f, alternative: Some(other) }
+        };
+        let mut history = PlaneHistory::default();
+        // Motion says which one; the picture does not.
+        for _ in 0..3 {
+            history.choose(&mut of(0.0), &at(0.19));
+            assert!(!history.has_turned());
+        }
+        // The picture is sure of the other one.
+        let mut sure = of(-2.0 * DECISIVE);
+        history.choose(&mut sure, &at(0.19));
+        assert!(history.has_turned());
+        assert_eq!(sure.pose, at(-0.2));
+        // From there on motion follows.
+        history.choose(&mut of(0.0), &at(-0.19));
+        assert!(!history.has_turned());
+    }
 }

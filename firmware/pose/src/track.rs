@@ -5,7 +5,7 @@
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use crate::eigen::symmetric;
-use crate::exposure::Smears;
+use crate::exposure::Bends;
 use crate::geometry::{Pose, rotation_vector};
 
 /// Poses further back than this say nothing of the motion now, s.
@@ -19,12 +19,12 @@ pub(crate) const SMOOTH: f64 = 0.5;
 /// A difference whose square is above this many times its noise's variance is no chance.
 const CLEAR: f64 = 16.0;
 /// A sine's square is at most twice its mean, that of two sines four times: what is above is new.
-const NEW: f64 = 4.0;
+pub(crate) const NEW: f64 = 4.0;
 
 /// Frames whose mean a [`Power`] is in the end. What the cubic leaves out is large where its own last term is
 /// small, a quarter of a period later, so that it takes a period to tell it; and more to tell it from noise,
 /// which six numbers of n frames exceed by up to `2 sqrt(6 / n)` of it in some direction.
-const FRAMES: f64 = 100.0;
+pub(crate) const FRAMES: f64 = 100.0;
 
 /// The last poses with the times of their frames, and how far they are to be trusted.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,9 +44,9 @@ pub struct Track {
     run: usize,
     /// Of the third and the fourth divided difference.
     power: [Power; 2],
-    /// Of what exposures smear, and that of the frame solved last, with its time.
-    pub(crate) smears: Smears,
-    pub(crate) smear: Option<(u64, Vector6<f64>)>,
+    /// How much the motion has bent, and how it did at the frame solved last, with its time.
+    pub(crate) bends: Bends,
+    pub(crate) bend: Option<(u64, Vector6<f64>)>,
 }
 
 /// Covariances of the errors of poses so many frames apart.
@@ -138,8 +138,10 @@ pub(crate) struct Rates {
     pub(crate) past: [f64; 3],
     /// How much of the second and the third divided difference was taken, each coordinate by itself.
     pub(crate) shares: [Vector6<f64>; 2],
-    /// Whether there were so many poses that the cubic could be taken.
+    /// Whether there were so many poses that the cubic could be taken, and so many that what it leaves out
+    /// could be weighed.
     pub(crate) is_cubic: bool,
+    pub(crate) is_weighed: bool,
     /// Covariance of what was not taken of the second, third and fourth.
     pub(crate) left_out: [Matrix6<f64>; 3],
 }
@@ -165,8 +167,8 @@ fn noise<const N: usize>(weights: [f64; N], lags: &Lags) -> Matrix6<f64> {
 impl Track {
     /// Takes the pose of a frame.
     pub fn follow(&mut self, time_ns: u64, pose: &Pose) {
-        if let Some((_, smear)) = self.smear.take().filter(|(at_ns, _)| *at_ns == time_ns) {
-            self.smears.learn(&smear);
+        if let Some((_, bend)) = self.bend.take().filter(|(at_ns, _)| *at_ns == time_ns) {
+            self.bends.learn(&bend);
         }
         let latest = self.latest.take().filter(|(at_ns, _)| *at_ns == time_ns).map(|(_, share)| share);
         match &latest {
@@ -258,6 +260,7 @@ impl Track {
             past: [x1, 2.0 * x1, 3.0 * x1],
             shares: [zero; 2],
             is_cubic: false,
+            is_weighed: false,
             left_out: [Matrix6::zeros(); 3],
         };
         let lags = self.lags.unwrap_or([*covariance, Matrix6::zeros(), Matrix6::zeros(), Matrix6::zeros()]);
@@ -278,6 +281,7 @@ impl Track {
             let [d1, d2, d3] =
                 [step * slope1[i], 2.0 * step * step * second[i], 6.0 * step * step * step * third[i]]
                     .map(|d| d * d);
+            // Of an infinite bound no number is above, nor above what it makes of zero.
             if third[i] * third[i] > CLEAR * noise3[(i, i)] && d3 > smooth * (smooth * d1 + d2) {
                 rates.left_out[0][(i, i)] = second[i] * second[i];
                 continue;
@@ -295,6 +299,7 @@ impl Track {
         let not_taken = Matrix6::from_diagonal(&not_taken);
         rates.left_out[1] = not_taken * power * not_taken;
         if let Some((fourth, noise4)) = &fourth {
+            rates.is_weighed = true;
             rates.left_out[2] = self.power[1].of(fourth, noise4);
         }
         Some(rates)
