@@ -45,7 +45,11 @@ pub(crate) struct Carbody {
     variance: VarianceComponent,
     layout: Layout,
     flash: Flash,
+    /// The light over its targets, with this frame and as it was before.
     light: Illumination,
+    light_before: Illumination,
+    /// Whether the last pose does not follow from those before.
+    is_new: bool,
     /// The last windows, and how many of them were looked into in the last frame.
     searches: Vec<Search, MAX_CIRCLES>,
     looked: u32,
@@ -100,6 +104,8 @@ impl Carbody {
             layout,
             flash: Flash::default(),
             light: Illumination::default(),
+            light_before: Illumination::default(),
+            is_new: false,
             searches: Vec::new(),
             looked: 0,
             outcomes: [Err(Refusal::NotFound); MAX_CIRCLES],
@@ -115,6 +121,7 @@ impl Carbody {
         means: &Means<'_>,
         first: bool,
     ) -> Result<Solution, PoseError> {
+        self.light_before.clone_from(&self.light);
         let solution = self.follow(frame, tracker, means, first);
         let mut solution = self.keep(frame, tracker, means, solution)?;
         let used = self.numbers.iter().enumerate().filter(|(i, _)| solution.used >> i & 1 == 1);
@@ -146,6 +153,11 @@ impl Carbody {
     /// How many circles should show in the picture, as a whole.
     pub(crate) fn in_picture(&self, settings: &Settings) -> u32 {
         windows::in_picture(&self.searches, settings.picture)
+    }
+
+    /// Whether its last pose does not follow from those before, which were wrong.
+    pub(crate) fn is_new(&self) -> bool {
+        self.is_new
     }
 
     /// Whether the last pose could be the other one of a plane.
@@ -313,6 +325,7 @@ impl Carbody {
         means: &Means<'_>,
         solution: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
+        self.is_new = false;
         if self.flash.excuses() {
             return self.without_lamps(frame, means, solution);
         }
@@ -345,11 +358,19 @@ impl Carbody {
             self.track.follow(frame.time_ns(), &pose);
             if used(&found) > used(&solution) {
                 self.predictor.hold();
+                self.is_new = true;
+            }
+            self.is_new |= self.plane.has_turned();
+            if self.is_new {
                 self.track.forget();
             }
         }
         let follows = found.is_err() && !self.keeper.is_lost() && self.follow_few(frame.number(), means);
         self.keeper.note(found.ok().map(|_| used(&found)), follows, self.in_picture(means.settings));
+        if self.keeper.is_lost() {
+            // Where it is found again the light may be another.
+            self.light = Illumination::default();
+        }
         found
     }
 
@@ -453,6 +474,8 @@ impl Carbody {
         first: Result<Solution, PoseError>,
     ) -> Result<Solution, PoseError> {
         let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
+        let (light, track) = (self.light.clone(), self.track);
+        self.light.clone_from(&self.light_before);
         windows::searches(&sight(means, &self.circles, &self.seeds), &found.pose, false, &mut self.searches);
         self.look(frame, tracker, means);
         let other = self.solve(frame, means, &found.pose);
@@ -464,6 +487,7 @@ impl Carbody {
             return other;
         }
         (self.outcomes, self.searches) = (outcomes, searches);
+        (self.light, self.track) = (light, track);
         // Discs that shone in part are found, though they do not count.
         if self.flash.state() != Lit::InPart {
             self.flash = flash;

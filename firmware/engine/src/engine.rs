@@ -268,7 +268,7 @@ impl Engine {
         self.carbody.show(&mut self.outcomes);
         let Some(own) = &mut self.own else { return solution };
         own.carbody().show(&mut self.outcomes);
-        own.relate(frame.time_ns(), &solution?, settings)
+        own.relate(frame.time_ns(), &solution?, self.carbody.is_new(), settings)
     }
 }
 

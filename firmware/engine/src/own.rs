@@ -92,17 +92,22 @@ impl Own {
         self.seen.is_some()
     }
 
-    /// CB_02 in CB_01, from CB_02 in the camera; without a place of CB_01 there is none.
+    /// CB_02 in CB_01, from CB_02 in the camera; without a place of CB_01 there is none. `is_new` where that
+    /// of CB_02 does not follow from those before.
     pub(crate) fn relate(
         &mut self,
         time_ns: u64,
         solution: &Solution,
+        is_new: bool,
         settings: &Settings,
     ) -> Result<Solution, PoseError> {
         let own = self.seen.or_else(|| self.mount.remembered());
         let needed = settings.solver.min_circles;
         let own = own.ok_or(PoseError::TooFew { circles: 0, needed })?;
         let mut relative = relative_pose(&own, solution);
+        if is_new || self.carbody.is_new() {
+            self.track.forget();
+        }
         at_mid_exposure(&mut relative, &settings.shutter, &mut self.track, time_ns);
         self.track.follow(time_ns, &relative.pose);
         Ok(relative)
