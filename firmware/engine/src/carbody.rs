@@ -1,18 +1,20 @@
 //! The circles of one carbody from frame to frame: where they are looked for, what is found, and their pose
 //! in the camera (thesis 3.2.5, 3.3).
 
+mod learn;
+mod verdict;
+
 use gangway_device::Frame;
 use gangway_pose::{
-    Assigned, Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
-    VarianceComponent, solve, solve_in_motion,
+    Circle, MAX_CIRCLES, Observation, PlaneHistory, Pose, PoseError, Shutter, Solution, Track,
+    VarianceComponent, solve_in_motion,
 };
 use gangway_vision::{Illumination, Refusal, Ring, Search, Tracker};
 use heapless::Vec;
-use nalgebra::Vector3;
 
 use crate::Settings;
 use crate::acquire::is_near;
-use crate::keep::{self, Keeper, Question, Verdict};
+use crate::keep::Keeper;
 use crate::layout::Layout;
 use crate::lit::{Flash, Lit};
 use crate::predict::Predictor;
@@ -20,14 +22,6 @@ use crate::windows::{self, Sight};
 
 /// A ring that a sweep saw within so many diameters of a window's middle may be in it.
 const GLIMPSE: f64 = 1.25;
-
-/// Fewest rings, too few for a pose, that tell how far the carbody has moved in the picture ...
-const LEAST_FOLLOWED: usize = 3;
-/// ... if they have all moved alike, to this share of a diameter.
-const ALIKE: f64 = 0.2;
-
-/// Fewest circles that the windows of a pose found in the picture must show of those it rests on.
-const LEAST_FOUND: u32 = 6;
 
 /// What is known of one carbody.
 pub(crate) struct Carbody {
@@ -205,23 +199,6 @@ impl Carbody {
         self.layout.correlation()
     }
 
-    /// Rest begins with the next frame, if it does: where the circles are is seen anew.
-    pub(crate) fn restart_survey(&mut self) {
-        self.layout.restart();
-    }
-
-    /// Rest was found, with the carbody in the camera there: its circles are where these frames showed them.
-    /// Gives what the last frame says of its pose with that.
-    pub(crate) fn survey(&mut self, frames: u16, settings: &Settings) -> Option<Solution> {
-        let rest = self.predictor.last()?;
-        // The frame in which the interval began was seen before that was known.
-        let least = frames.saturating_sub(1);
-        self.layout.survey(&mut self.circles, least, settings.rest.layout_mm, &rest);
-        self.variance = VarianceComponent::default();
-        let (observations, _) = self.observations(settings, &rest);
-        solve(&observations, &settings.lens, &settings.solver, Some(&rest)).ok()
-    }
-
     /// The camera has moved: what was seen is now seen there, as `by` says.
     pub(crate) fn rebase(&mut self, by: &Pose) {
         self.predictor.rebase(by);
@@ -314,196 +291,6 @@ impl Carbody {
             }
         }
         (observations, seen)
-    }
-
-    /// What the windows showed stands, or something better is found, or nothing. The next windows follow from
-    /// that.
-    fn keep(
-        &mut self,
-        frame: &Frame<'_>,
-        tracker: &mut Tracker,
-        means: &Means<'_>,
-        solution: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        self.is_new = false;
-        if self.flash.excuses() {
-            return self.without_lamps(frame, means, solution);
-        }
-        let question = Question {
-            sight: sight(means, &self.circles, &self.seeds),
-            searches: &self.searches,
-            looked: self.looked,
-            solution: &solution,
-            in_picture: self.in_picture(means.settings),
-            others: means.others,
-            may_search: means.may_search,
-            is_plausible: means.is_plausible,
-        };
-        let mut found = match self.keeper.judge(frame, &question) {
-            Verdict::Keep => {
-                self.learn_off(&solution);
-                solution
-            }
-            Verdict::Refuse => solution.and(Err(PoseError::NoConsensus)),
-            Verdict::Try { found, instead } => {
-                let first = if instead { solution.and(Err(PoseError::NoConsensus)) } else { solution };
-                self.look_from(frame, tracker, means, &found, first)
-            }
-        };
-        self.choose_side(frame.number(), &mut found);
-        if let Ok(pose) = found.map(|solution| solution.pose) {
-            self.learn_variance(&found);
-            self.learn_layout(means, &found);
-            self.predictor.update(frame.number(), pose);
-            self.track.follow(frame.time_ns(), &pose);
-            if used(&found) > used(&solution) {
-                self.predictor.hold();
-                self.is_new = true;
-            }
-            self.is_new |= self.plane.has_turned();
-            if self.is_new {
-                self.track.forget();
-            }
-        }
-        let follows = found.is_err() && !self.keeper.is_lost() && self.follow_few(frame.number(), means);
-        self.keeper.note(found.ok().map(|_| used(&found)), follows, self.in_picture(means.settings));
-        if self.keeper.is_lost() {
-            // Where it is found again the light may be another.
-            self.light = Illumination::default();
-        }
-        found
-    }
-
-    /// How far the rings in the pose were off where they were expected.
-    fn learn_off(&mut self, found: &Result<Solution, PoseError>) {
-        let Ok(solution) = found else { return };
-        let mut sum = 0.0;
-        for (i, (search, outcome)) in self.searches.iter().zip(&self.outcomes).enumerate() {
-            if let (Ok(ring), 1) = (outcome, solution.used >> i & 1) {
-                let [u, v] = [0, 1].map(|axis| ring.centre.at[axis] - search.at[axis]);
-                sum += u * u + v * v;
-            }
-        }
-        self.predictor.learn(libm::sqrt(sum / f64::from(solution.used.count_ones().max(1))));
-    }
-
-    /// Of a carbody that shows too little for a pose: moves its windows along with the rings that are still
-    /// where they were expected, so that the others are looked for where they must come back. False if there
-    /// are not enough.
-    fn follow_few(&mut self, frame: u32, means: &Means<'_>) -> bool {
-        let Settings { lens, .. } = means.settings;
-        let pose = self.predictor.predict(frame);
-        let (mut moves, mut depth) = (Vec::<([f64; 2], f64), MAX_CIRCLES>::new(), 0.0);
-        for ((circle, search), outcome) in self.circles.iter().zip(&self.searches).zip(&self.outcomes) {
-            let Ok(ring) = outcome else { continue };
-            let by = [0, 1].map(|i| ring.centre.at[i] - search.at[i]);
-            // At most as many as circles, and all are bounded by MAX_CIRCLES.
-            let _ = moves.push((by, search.diameter_px()));
-            depth += pose.transform(&circle.point).z;
-        }
-        if moves.len() < LEAST_FOLLOWED {
-            return false;
-        }
-        let share = 1.0 / moves.len() as f64;
-        let mean = moves.iter().fold([0.0; 2], |sum, (by, _)| [0, 1].map(|i| sum[i] + share * by[i]));
-        let is_alike = |(by, diameter): &([f64; 2], f64)| {
-            libm::hypot(by[0] - mean[0], by[1] - mean[1]) < ALIKE * diameter
-        };
-        if !moves.iter().all(is_alike) {
-            return false;
-        }
-        let [x, y] = [0, 1].map(|i| share * depth * mean[i] / lens.focal[i]);
-        let moved = Pose { translation: pose.translation + Vector3::new(x, y, 0.0), ..pose };
-        self.predictor.update(frame, moved);
-        true
-    }
-
-    /// Where the circles are that no rest interval has shown: a rolling shutter would move those of a moving
-    /// train.
-    fn learn_layout(&mut self, means: &Means<'_>, found: &Result<Solution, PoseError>) {
-        let (Ok(solution), Settings { rest, lens, shutter, .. }) = (found, means.settings) else { return };
-        let is_surveyed = self.layout.is_surveyed();
-        if rest.layout_mm <= 0.0 || (is_surveyed && shutter.line_time_s != 0.0) {
-            return;
-        }
-        self.layout.observe(&self.circles, &self.outcomes, solution, lens);
-        if is_surveyed {
-            self.layout.adopt(&mut self.circles, rest.frames, rest.layout_mm);
-        }
-    }
-
-    /// How far the rings in the pose scatter beyond their pixels' noise.
-    fn learn_variance(&mut self, found: &Result<Solution, PoseError>) {
-        let Ok(solution) = found else { return };
-        // Those that no rest interval has shown are off by more than that.
-        if self.layout.is_surveyed() && !self.layout.has(solution.used) {
-            return;
-        }
-        let seen = self.outcomes.iter().enumerate().filter(|(i, _)| solution.used >> i & 1 == 1);
-        let covariances = seen.filter_map(|(_, outcome)| Some(outcome.ok()?.centre.covariance));
-        self.variance.learn(solution.residual_px, covariances);
-    }
-
-    /// A frame without lamps between others: what is not lit tells where everything is, if it is enough, and
-    /// nothing is in doubt because the rest is missing.
-    fn without_lamps(
-        &mut self,
-        frame: &Frame<'_>,
-        means: &Means<'_>,
-        mut solution: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        let printed = self.searches.iter().filter(|search| !search.is_disc()).count() as u32;
-        if !keep::is_trusted(used(&solution), printed) {
-            return solution.and(Err(nothing(means)));
-        }
-        self.choose_side(frame.number(), &mut solution);
-        if let Ok(pose) = solution.map(|solution| solution.pose) {
-            self.predictor.update(frame.number(), pose);
-            self.track.follow(frame.time_ns(), &pose);
-        }
-        solution
-    }
-
-    /// The better of `first` and of what the windows of a pose show that was found in the picture.
-    fn look_from(
-        &mut self,
-        frame: &Frame<'_>,
-        tracker: &mut Tracker,
-        means: &Means<'_>,
-        found: &Assigned,
-        first: Result<Solution, PoseError>,
-    ) -> Result<Solution, PoseError> {
-        let (outcomes, searches, flash) = (self.outcomes, self.searches.clone(), self.flash.clone());
-        let (light, track) = (self.light.clone(), self.track);
-        self.light.clone_from(&self.light_before);
-        windows::searches(&sight(means, &self.circles, &self.seeds), &found.pose, false, &mut self.searches);
-        self.look(frame, tracker, means);
-        let other = self.solve(frame, means, &found.pose);
-        // It was found in the frames before: where the train has moved on since, windows may show less, and
-        // something else.
-        let shows_it =
-            keep::is_trusted(used(&other), found.found) && used(&other) >= found.found.min(LEAST_FOUND);
-        if used(&other) > used(&first) && shows_it {
-            return other;
-        }
-        (self.outcomes, self.searches) = (outcomes, searches);
-        (self.light, self.track) = (light, track);
-        // Discs that shone in part are found, though they do not count.
-        if self.flash.state() != Lit::InPart {
-            self.flash = flash;
-        }
-        first
-    }
-
-    /// Of a plane's two poses the one that follows from the frames before.
-    fn choose_side(&mut self, frame: u32, found: &mut Result<Solution, PoseError>) {
-        match found {
-            Ok(solution) => {
-                let expected = self.predictor.predict(frame);
-                self.ambiguous = self.plane.choose(solution, &expected);
-            }
-            Err(_) => self.plane.forget(),
-        }
     }
 }
 
