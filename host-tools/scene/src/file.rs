@@ -351,10 +351,21 @@ impl SceneFile {
         toml::from_str(text).map_err(|error| {
             let at = error.span().unwrap_or(0..0);
             let key = DeTable::parse(text).ok().and_then(|tree| key_at(&tree, &at)).unwrap_or_default();
-            let message = error.message().trim().replace('\n', ", ");
+            let message = plain(&error.message().trim().replace('\n', ", "));
             SceneError::Value { file: name.to_owned(), line: line_of(text, at.start), key, message }
         })
     }
+}
+
+/// A message without the names of the language's types.
+fn plain(message: &str) -> String {
+    let names = [
+        ("expected u64", "expected a whole number of 0 or more"),
+        ("expected i64", "expected a number"),
+        ("expected f64", "expected a number"),
+        (" as i128", ""),
+    ];
+    names.iter().fold(message.to_owned(), |message, (name, means)| message.replace(name, means))
 }
 
 /// The error of a mistake, with the line of its key, or of the nearest table around it.

@@ -195,7 +195,14 @@ fn a_mistake_is_one_sentence_with_file_line_key_and_what_is_allowed() {
         ),
         (small("u = 3"), "bad.toml:3: unknown field `u`, expected one of"),
         (sensor("bits = 7"), "bad.toml:18: sensor.bits: is 7, allowed is 8 to 16 bits"),
-        (sensor("bits = \"ten\""), "bad.toml:18: sensor.bits: invalid type: string \"ten\", expected i64"),
+        (
+            sensor("bits = \"ten\""),
+            "bad.toml:18: sensor.bits: invalid type: string \"ten\", expected a number",
+        ),
+        (
+            small("seed = -1"),
+            "bad.toml:3: seed: invalid value: integer `-1`, expected a whole number of 0 or more",
+        ),
         (sensor("bits = "), "bad.toml:18: "),
         (
             small("") + "sheet_mm = [100, 100]",
