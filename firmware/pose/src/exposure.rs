@@ -53,7 +53,7 @@ impl Smear {
         });
         let left_out = rates.left_out.iter().zip(&along[1..]);
         Self {
-            mean: rates.second * per_bend(exposure_s),
+            mean: rates.second * along[1],
             by_pose,
             left_out: left_out.map(|(left_out, w)| left_out * (w * w)).sum(),
             is_followed: rates.is_cubic,
@@ -96,7 +96,10 @@ impl Smear {
             |covariance: &Matrix6<f64>| by_own * covariance * by_own + with_past * by_past.transpose();
         if let Some(other) = &mut solution.alternative {
             other.pose = moved_by(&other.pose, &-mean);
-            other.covariance = with_that(&other.covariance) + self.left_out;
+            let own = with_that(&other.covariance);
+            if let Some((covariance, _)) = shared(own + self.left_out, own, with_past) {
+                other.covariance = covariance;
+            }
         }
         let own = with_that(&solution.covariance);
         if let Some((covariance, share)) = shared(own + self.left_out, own, with_past) {
@@ -106,11 +109,6 @@ impl Smear {
     }
 }
 
-/// How far the mean over an exposure is from its middle where the motion bends by 1 in the seconds' square, s^2.
-fn per_bend(exposure_s: f64) -> f64 {
-    exposure_s * exposure_s / 12.0
-}
-
 /// Brings the mean over the exposure to its middle: `solution` is of the frame at `time_ns`, `track` of those
 /// before it. As [`crate::solve_in_motion`] does, covariance included, for a pose that was made of several.
 pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut Track, time_ns: u64) {
@@ -118,10 +116,10 @@ pub fn at_mid_exposure(solution: &mut Solution, shutter: &Shutter, track: &mut T
     if exposure_s <= 0.0 {
         return;
     }
-    let per_bend = per_bend(exposure_s);
-    let usual = track.bends.squares * (per_bend * per_bend);
     let rates = |smooth| track.rates(time_ns, &solution.pose, &solution.covariance, smooth);
     let Some(whole) = rates(f64::INFINITY) else { return };
+    let [_, per_bend, ..] = whole.along(0.0, exposure_s);
+    let usual = track.bends.squares * (per_bend * per_bend);
     // What bends no more than usual is no shock.
     let smear = if whole.is_weighed && track.bends.know(&whole.second) {
         Smear::of(&whole, exposure_s).best(&usual)

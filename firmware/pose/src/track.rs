@@ -281,7 +281,7 @@ impl Track {
             let [d1, d2, d3] =
                 [step * slope1[i], 2.0 * step * step * second[i], 6.0 * step * step * step * third[i]]
                     .map(|d| d * d);
-            // Of an infinite bound no number is above, nor above what it makes of zero.
+            // Never where the bound is infinite: times 0 that is no number, and fails the comparison too.
             if third[i] * third[i] > CLEAR * noise3[(i, i)] && d3 > smooth * (smooth * d1 + d2) {
                 rates.left_out[0][(i, i)] = second[i] * second[i];
                 continue;

@@ -140,6 +140,7 @@ fn the_exposures_own_smear_is_taken_off() {
     let outcome = shutter::run(0.0, 5.0, 2.0, 2, 200);
     // a T^2 / 24 is 0.013 mm where the sway turns: more than the noise, and visible in the mean.
     assert!(outcome.mm[0] > 1.15 * outcome.mm[1], "{outcome:?}");
+    assert!(outcome.squared < 6.0 * 1.2, "{outcome:?}");
 }
 
 #[test]
